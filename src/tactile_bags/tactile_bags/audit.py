@@ -3,9 +3,9 @@
 
 """Audits of a recording: lost, duplicate and late samples, gaps, rate, and clock steps.
 
-The recorder audits each trial when it has ended. The audit of a bag on disk uses the same
-implementation. It compares sequence numbers and stamps, so it finds losses anywhere between the
-sensor and the file, however samples are grouped into messages.
+The recorder audits each trial after its end. The audit of a bag on disk uses the same
+implementation. An audit compares sequence numbers and stamps. It therefore finds losses anywhere
+between the sensor and the file, and does not depend on how samples are grouped into messages.
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ _RECONNECTED, _CLOCK_STEP = int(StrainStatus.RECONNECTED), int(StrainStatus.CLOC
 """Status bits as integers, because operations on an `IntFlag` are slow."""
 
 MAX_GAPS = 10_000
-"""Number of gaps that are remembered, in case their samples arrive late."""
+"""Number of gaps that are stored, because their samples may arrive late."""
 
 
 class _SampleRun(NamedTuple):
-    """A block of samples, or a part of one, without the values.
+    """A block of samples, or a part of a block, without the values.
 
-    ``shift_ns``: what was subtracted from its stamps to get stream time [ns]. ``step_ns``: step of
-    the host's clock between the previous sample and its first one [ns]; 0 if there was none.
+    ``shift_ns`` is the difference between the original stamps and the stream time [ns].
+    ``step_ns`` is the step of the host's clock between the previous sample and the first sample of
+    this run [ns]; 0 if there was no step.
     """
 
     stamp_ns: int
@@ -88,13 +89,13 @@ class _StreamCounts:
         self._segment: tuple[int, int] | None = None
 
     def follow(self, before: _SampleRun) -> None:
-        """Start after this run, without counting it."""
+        """Begin counting after this run, without counting the run itself."""
         self._next = before.sequence + before.size
         self._status = before.status
         self.end_ns = before.end_ns
 
     def stop_before(self, after: _SampleRun) -> None:
-        """End before this run, without counting it."""
+        """End counting before this run; count the samples that are missing before it."""
         if self._next is not None and after.sequence > self._next:
             self._lose(after.sequence - self._next, after.sequence)
 
@@ -123,7 +124,7 @@ class _StreamCounts:
         self._take_new(run)
 
     def _take_late(self, run: _SampleRun) -> None:
-        """Add a run with numbers before the next expected one: late, duplicate, or partly new."""
+        """Add a run that begins before the next expected number: late, duplicate or partly new."""
         assert self._next is not None
         old = min(run.size, self._next - run.sequence)
         late = self._fill(run.sequence, run.sequence + old)
@@ -134,7 +135,10 @@ class _StreamCounts:
             self._take_new(run.part(old, run.size))
 
     def _fill(self, begin: int, end: int) -> int:
-        """Remove these sequence numbers from the missing ones; return how many were missing."""
+        """Mark the sequence numbers from ``begin`` to ``end`` as received.
+
+        Returns how many of them were missing.
+        """
         filled, left = 0, []
         for low, high in self._missing:
             inside = min(high, end) - max(low, begin)
@@ -168,7 +172,7 @@ class _StreamCounts:
         self.end_ns = run.end_ns
 
     def _close_segment(self) -> None:
-        """Add the time and the samples since the last restart of the sequence numbers."""
+        """Add the duration and the samples since the last restart of the sequence numbers."""
         steps, span_ns = self._of_segment()
         self._steps += steps
         self._span_ns += span_ns
@@ -188,19 +192,21 @@ class _StreamCounts:
 
 
 EVENT_DELAY_S = 10.0
-"""Longest delay of an event after its samples with which its trial is still audited [s]."""
+"""If an event arrives later than this after its samples, its trial cannot be audited [s]."""
 
 CLOCK_STEP_S = 1.0
-"""A stamp this far before the previous one is a clock step, even without the status bit [s]."""
+"""If a stamp is this far before the previous one, the clock was stepped, even if the status bit is
+not set [s]."""
 
 MAX_STEPS = 100
-"""Number of clock steps that are kept for events that arrive late."""
+"""Number of clock steps that are stored for events that arrive late."""
 
 
 class _HostClock:
-    """Conversion of stamps to stream time: the time of the host's clock without its steps.
+    """Conversion of stamps to stream time.
 
-    Stream time makes samples before and after a clock step comparable.
+    Stream time is the time of the host's clock without its steps. In stream time, samples before
+    and after a clock step are comparable.
     """
 
     def __init__(self) -> None:
@@ -222,10 +228,10 @@ class _HostClock:
         return run._replace(stamp_ns=run.stamp_ns - shift_ns, shift_ns=shift_ns, step_ns=step_ns)
 
     def time_of_event(self, stamp_ns: int, latest_ns: int | None) -> int:
-        """Return the stamp of an event in stream time [ns].
+        """Convert the stamp of an event to stream time [ns].
 
-        Shortly after a step, an event may still have a stamp of the clock before the step. Of the
-        possible shifts, the one that puts the event nearest to the latest sample is used.
+        Shortly after a step, an event may have a stamp from before or from after the step. The
+        shift is used that puts the event closest to the latest sample.
         """
         if latest_ns is None:
             return stamp_ns - self._shift_ns
@@ -236,7 +242,10 @@ class _HostClock:
 
 
 def _is_late(run: _SampleRun, last: _SampleRun) -> bool:
-    """Return True if the sequence numbers of a run were passed before and its stamps fit them."""
+    """Return True if a run comes after runs with higher sequence numbers.
+
+    If its stamps do not fit its sequence numbers, the stream was restarted; the run is not late.
+    """
     if run.sequence >= last.sequence + last.size:
         return False
     elapsed_ns = last.stamp_of(run.sequence - last.sequence) - last.stamp_ns
@@ -250,13 +259,13 @@ def _clock_step(run: _SampleRun, last: _SampleRun) -> int:
     is_behind = run.stamp_ns < last.end_ns - round(CLOCK_STEP_S * 1e9)
     if not is_marked and not is_behind:
         return 0
-    # After a restart of the sequence numbers, the number of samples in between is unknown.
+    # If the sequence numbers were restarted, the number of samples in between is unknown.
     steps = max(last.size, run.sequence - last.sequence)
     return run.stamp_ns - last.stamp_of(steps)
 
 
 class _TrialCounts:
-    """Sample counts of a trial that is under way or waits for its samples.
+    """Sample counts of a trial that has not ended, or whose samples have not all arrived.
 
     All times are in stream time.
     """
@@ -285,17 +294,17 @@ class _TrialCounts:
             self._after = run.part(end, end + 1)
 
     def finish(self) -> _StreamCounts:
-        """Return the counts, after the last run."""
+        """Return the counts; call this after the last run."""
         if self._after is not None:
             self._counts.stop_before(self._after)
         return self._counts
 
 
 LONGEST_STEP_S = 0.1
-"""Longest time between samples without a finding [s]; at least three periods are accepted."""
+"""A time between two samples is a finding if it exceeds this and three periods [s]."""
 
 MOST_NOTED = 100
-"""Number of failed trials that the metadata of a bag list."""
+"""Largest number of failed trials in the metadata of a bag."""
 
 
 @dataclass(frozen=True)
@@ -309,17 +318,17 @@ class Audit:
     trial_id : str
         Empty for the whole recording.
     findings : tuple of str
-        One sentence per finding; empty if the audit passed.
+        One sentence for each finding; empty if the audit passed.
     start_ns, end_ns : int
         Stamps of the first and the last audited sample [ns].
     sample_count, lost_count, gap_count, duplicate_count, disordered_count : int
-        Samples received; sequence numbers missing; runs of missing numbers; samples received
-        twice; samples received after a newer one.
+        Numbers of samples received, of missing sequence numbers, of gaps (consecutive missing
+        numbers), of samples received twice, and of samples received after a newer one.
     rate_hz : float
-        Sample rate, computed from sequence numbers and therefore independent of losses [Hz]; 0
-        with fewer than two samples.
+        Sample rate [Hz]. It is computed from sequence numbers, so losses do not affect it. It is 0
+        if there are fewer than two samples.
     nominal_rate_hz : float
-        Expected rate [Hz]; 0 if unknown, in which case the rate is not checked.
+        Expected rate [Hz]. If it is 0, the expected rate is unknown, and the rate is not checked.
     largest_step_s : float
         Longest time between consecutive samples, without steps of the host's clock [s].
     """
@@ -424,7 +433,7 @@ def _findings(
 
 
 class AuditSummary:
-    """Summary of a bag's audits: number of trials, failed trials and whole-recording audits."""
+    """Summary of the audits of a bag: number of trials, failed trials, and whole recordings."""
 
     def __init__(self) -> None:
         self.trials = self._failed_trials = 0
@@ -462,18 +471,20 @@ def summarise_audits(audits: Iterable[Audit]) -> dict[str, Any]:
 
 
 MAX_BLOCKS = 100_000
-"""Number of blocks kept for late events; with very small blocks this is less than the delay."""
+"""Largest number of blocks that are stored for late events. If blocks are very small, they cover
+less than `EVENT_DELAY_S`."""
 
 MAX_TRIALS = 1000
-"""Number of trials that can wait for samples; beyond it, the oldest is audited without them."""
+"""Largest number of trials that wait for samples. If there are more, the oldest trial is audited
+without these samples."""
 
 
 class FingerAuditor:
     """Auditor of the blocks and trial events of one finger.
 
     The events of a trial may arrive before its samples, or up to `EVENT_DELAY_S` after them.
-    Samples are kept for that time, without their values, so that memory grows neither with the
-    length of a recording nor with the number of its trials.
+    Samples are stored for that time, without their values. The memory therefore grows neither with
+    the length of a recording nor with the number of its trials.
 
     A step of the host's clock is a finding of the trial in which it occurs and of the whole
     recording. Other trials are not affected. ``nominal_rate_hz`` may be set later; 0 means
@@ -491,7 +502,7 @@ class FingerAuditor:
         self._trials: deque[_TrialCounts] = deque()  # all except the last have ended
 
     def add_block(self, block: StrainBlock) -> list[Audit]:
-        """Add samples; return the audits of the trials that are now complete."""
+        """Add samples; return the audits of the trials that are complete now."""
         if not len(block.tension_n):
             return []
         stamped = _SampleRun(
@@ -504,7 +515,7 @@ class FingerAuditor:
         )
         run = self._clock.take(stamped)
         if run.step_ns > 0:
-            # An event between the step and this block was taken for a future one.
+            # An event after the step, but before this block, seemed to lie in the future.
             for trial in self._trials:
                 trial.start_ns = min(trial.start_ns, run.stamp_ns)
                 trial.end_ns = min(trial.end_ns, run.stamp_ns)
@@ -515,7 +526,10 @@ class FingerAuditor:
         return self._take_complete()
 
     def _let_go(self, before_ns: int) -> None:
-        """Discard runs that no further event can refer to; a trial under way counts them first."""
+        """Discard runs before ``before_ns``: no further event can refer to them.
+
+        Trials that wait count these runs first.
+        """
         while self._recent:
             run = self._recent[0]
             if run.end_ns >= before_ns and len(self._recent) <= MAX_BLOCKS:
@@ -526,7 +540,7 @@ class FingerAuditor:
                 trial.add(run)
 
     def add_event(self, event: TrialEvent) -> list[Audit]:
-        """Add the start of a phase; return the audits of the trials that are now complete."""
+        """Add an event; return the audits of the trials that are complete now."""
         stamp_ns = self._clock.time_of_event(event.stamp_ns, self._latest_ns)
         trial = self._trials[-1] if self._trials else None
         is_new = trial is None or trial.is_over or trial.trial_id != event.trial_id
@@ -543,7 +557,7 @@ class FingerAuditor:
         return self._take_complete()
 
     def finish(self) -> list[Audit]:
-        """Return the audits of trials that still wait for samples, then of the whole recording."""
+        """Return the audits of the trials that still wait, and then of the whole recording."""
         audits = []
         while self._trials:
             self._trials[0].is_over = True
@@ -552,7 +566,7 @@ class FingerAuditor:
 
     def _take_complete(self) -> list[Audit]:
         audits = []
-        # Only a sample after the end of a trial shows that its last samples have arrived.
+        # If a sample after the end of a trial has arrived, so have all samples of the trial.
         while self._trials and self._trials[0].is_over:
             is_complete = self._latest_ns is not None and self._latest_ns > self._trials[0].end_ns
             if not is_complete and len(self._trials) <= MAX_TRIALS:
@@ -571,7 +585,10 @@ def _latest(before_ns: int | None, now_ns: int) -> int:
 
 
 def audit_bag(path: Path) -> list[Audit]:
-    """Audit each trial of each finger, then each whole finger; raise `BagError` on a bad bag."""
+    """Audit each finger of a bag: each trial, and then the whole recording.
+
+    Raises `BagError` if the bag cannot be read.
+    """
     with TactileBag(path) as bag:
         return audit_open_bag(bag)
 

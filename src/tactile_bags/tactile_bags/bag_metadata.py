@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading and writing of ``metadata.yaml`` in the form of rosbag2, version 9."""
+"""Reading and writing of ``metadata.yaml`` in the format of rosbag2, version 9."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ _TOP = 'rosbag2_bagfile_information'
 class BagMetadata:
     """Contents of ``metadata.yaml`` that a reader needs.
 
-    ``files`` are in the folder of the bag, in the order of recording. ``packing`` is the mode of
-    the zstd compression, ``file`` or ``message``, or empty without compression. ``topics``
-    (types), ``type_hashes`` and ``counts`` are dictionaries by name of topic.
+    ``files`` are names of files in the folder of the bag, in the order of recording. ``packing``
+    is the mode of the zstd compression, ``file`` or ``message``; empty if the bag is not
+    compressed. ``topics``, ``type_hashes`` and ``counts`` map the name of each topic to its type,
+    its type hash and its number of messages.
     """
 
     files: tuple[str, ...] = ()
@@ -43,7 +44,7 @@ class BagMetadata:
 
 
 def read_metadata(path: Path) -> BagMetadata:
-    """Read ``metadata.yaml``; raise `BagError` if it is too large or not of rosbag2."""
+    """Read ``metadata.yaml``; raise `BagError` if it is too large or invalid."""
     try:
         return parse_metadata(read_text(path, MAX_METADATA_BYTES))
     except TactileError as error:
@@ -51,14 +52,14 @@ def read_metadata(path: Path) -> BagMetadata:
 
 
 def parse_metadata(text: str) -> BagMetadata:
-    """Return the contents of ``metadata.yaml``; raise `BagError` if its form is invalid."""
+    """Return the contents of ``metadata.yaml``; raise `BagError` if they are invalid."""
     document = load_yaml(text)
     if isinstance(document, dict):
-        # In the copy inside a data file, the contents are one level deeper.
+        # The file has this key at its top; the copy inside a data file does not.
         document = document.get(_TOP, document)
     try:
         if not 1 <= int(document['version']) <= VERSION:
-            raise BagError(f'it has version {document["version"]}; supported are 1 to {VERSION}')
+            raise BagError(f'it has version {document["version"]}, but must have 1 to {VERSION}')
         storage = str(document['storage_identifier'])
         topics = [
             (topic['topic_metadata'], int(topic['message_count']))
@@ -67,7 +68,7 @@ def parse_metadata(text: str) -> BagMetadata:
         packing = str(document.get('compression_mode') or '').lower().replace('none', '')
         packed_as = str(document.get('compression_format') or '')
         metadata = BagMetadata(
-            # Only the names are used, because the files of a bag must be in its folder.
+            # Only the names are used, without folders: the files must be in the folder of the bag.
             files=tuple(Path(str(name)).name for name in document['relative_file_paths']),
             packing=packing,
             topics={str(t['name']): str(t['type']) for t, _ in topics},
@@ -78,7 +79,7 @@ def parse_metadata(text: str) -> BagMetadata:
             custom={str(k): str(v) for k, v in (document.get('custom_data') or {}).items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BagError(f'its form is not the one of rosbag2 ({error!r})') from error
+        raise BagError(f'its format is not that of rosbag2 ({error!r})') from error
     if storage not in ('mcap', 'sqlite3'):
         raise BagError(f'the storage "{storage[:40]}" is not supported; use mcap or sqlite3')
     if packing and (packing not in ('file', 'message') or packed_as != 'zstd'):
@@ -92,10 +93,11 @@ def format_metadata(
     span_ns: tuple[int, int],
     custom: Mapping[str, str],
 ) -> str:
-    """Return the contents of ``metadata.yaml`` for a bag of one MCAP file, as YAML.
+    """Return the contents of ``metadata.yaml``, as YAML, for a bag with one MCAP file.
 
-    ``topics`` are given with their numbers of messages; ``span_ns`` has the times of the first and
-    the last message [ns]. The data file contains a copy of this text; see `write_metadata`.
+    ``topics`` contains each topic with its number of messages. ``span_ns`` contains the times of
+    the first and the last message [ns]. The data file contains a copy of this text; see
+    `write_metadata`.
     """
     count = sum(n for _, n in topics)
     first_ns = span_ns[0] if count else 0

@@ -49,7 +49,7 @@ MAX_OPEN_BYTES = 256 * 2**20
 """Largest total size of chunks that overlap in time [byte]."""
 
 _Place = tuple[int, int]
-"""Number of a file, and number of a segment in it."""
+"""Index of a file, and index of a segment in this file."""
 
 _SUFFIXES: dict[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
 
@@ -67,9 +67,10 @@ class BagMessage:
     def decode(self) -> Any:
         """Return the message with the fields of the installed definition.
 
-        A message with another definition is decoded by the definition that the bag stores. Fields
-        that the installed definition lacks are dropped; fields that the bag lacks get their
-        defaults. Raises `BagError` when the message is damaged.
+        If the message was recorded with another definition, it is decoded with the definition that
+        the bag contains. Fields that the installed definition does not have are dropped. Fields
+        that the recorded definition does not have get their defaults. Raises `BagError` when the
+        message is damaged.
         """
         try:
             message = self.store.deserialize_cdr(self.data, self.type_name)
@@ -81,7 +82,7 @@ class BagMessage:
 
     @property
     def is_of_another_release(self) -> bool:
-        """True if the definition of its type in the bag differs from the installed one."""
+        """True if the bag contains another definition of its type than the installed one."""
         return self.store is not message_store()
 
 
@@ -93,24 +94,25 @@ class TactileBag:
     path : pathlib.Path
         Folder of the bag, or one data file (``.mcap``, ``.db3``).
     needs_strain : bool
-        Refuse a bag without strain blocks.
+        If True, refuse a bag without strain blocks.
     needs_all : bool
-        Refuse a properly closed bag from which messages are missing.
+        If True, refuse a closed bag that was damaged or has lost messages after it was closed.
 
     Attributes
     ----------
     metadata : dict
         Metadata of the recording, written by the recorder; empty for bags of other software.
     recovered : str or None
-        A sentence if the bag was never closed or is damaged, which says what it may lack;
-        otherwise None. The sentence is also logged as a warning.
+        If the bag was never closed or is damaged, a sentence that describes which messages may be
+        missing; otherwise None. The sentence is also logged as a warning.
     damage : str or None
         Description of the damage in closed files; None if there is none.
 
     Raises
     ------
     BagError
-        When there is no readable bag at ``path``, or it contains no strain blocks.
+        When there is no readable bag at ``path``, or a requirement of ``needs_strain`` or
+        ``needs_all`` is not met.
     """
 
     def __init__(self, path: Path, *, needs_strain: bool = True, needs_all: bool = True) -> None:
@@ -119,8 +121,8 @@ class TactileBag:
         self._store = message_store()
         self._files: list[McapFile | SqliteFile] = []
         self._merged = _MergedFiles(self._files)
-        self._foreign: dict[str, str] = {}  # error for each type that cannot be decoded
-        self._stored: dict[str, Typestore] = {}  # types by topic, if the bag's definition differs
+        self._foreign: dict[str, str] = {}  # maps each type that cannot be decoded to the reason
+        self._stored: dict[str, Typestore] = {}  # for topics whose definition in the bag differs
         self._stack = ExitStack()
         try:
             metadata = self._open()
@@ -207,7 +209,9 @@ class TactileBag:
                 for part in unpacker.read_to_iter(packed):
                     left -= len(part)
                     if left < 0:
-                        raise BagError(f'unpacked it has more than {MAX_UNPACKED_BYTES} bytes')
+                        raise BagError(
+                            f'after unpacking, it has more than {MAX_UNPACKED_BYTES} bytes'
+                        )
                     file.write(part)
             except zstandard.ZstdError as error:
                 raise BagError(f'it cannot be unpacked: {error}') from error
@@ -239,9 +243,12 @@ class TactileBag:
                     self._stored[topic.name] = store
 
     def _compare_counts(self, metadata: BagMetadata) -> str | None:
-        """Return the first difference between counted and stated numbers of messages, or None."""
+        """Compare the numbers of messages in the files with the numbers that the bag states.
+
+        Returns a sentence about the first difference, or None if they agree.
+        """
         if not all(file.is_finished for file in self._files):
-            return None  # another sentence says what an unfinished file may lack
+            return None  # `_format_recovery` describes what may be missing in an unfinished file
         there: Counter[str] = Counter()
         for file in self._files:
             stated = file.counts if file.stated_counts is None else file.stated_counts
@@ -293,7 +300,7 @@ class TactileBag:
 
     @property
     def stored_topics(self) -> list[StoredTopic]:
-        """The topics of all data files, without repetitions."""
+        """The topics of all data files; each topic occurs once."""
         return list({t.name: t for file in self._files for t in file.topics.values()}.values())
 
     @property
@@ -314,12 +321,15 @@ class TactileBag:
         return tuple(sorted(name[: -len(suffix)].strip('/') for name in names))
 
     def _finger_of(self, topic: str, namespaces: tuple[str, ...]) -> str | None:
-        """Return the namespace of the innermost finger that contains a topic, or None."""
+        """Return the longest namespace of a finger that contains a topic, or None."""
         around = [name for name in namespaces if topic.startswith(join_topic(name, ''))]
         return max(around, key=len, default=None)
 
     def choose_topics(self, type_names: Collection[str], namespace: str | None) -> set[str]:
-        """Return the topics of these types, or of all types; of one finger, or of all fingers."""
+        """Return the names of the topics that have these types and belong to one finger.
+
+        If ``type_names`` is empty, all types are used; if ``namespace`` is None, all fingers.
+        """
         finger = None if namespace is None else namespace.strip('/')
         namespaces = self.namespaces
         return {
@@ -339,17 +349,19 @@ class TactileBag:
         *type_names : str
             Types of the messages; all types if omitted.
         namespace : str, optional
-            Only topics of the finger with this namespace, without fingers nested in it.
+            Yield only messages of the finger with this namespace, without fingers nested in it. If
+            omitted, yield the messages of all topics.
         since_ns : int
             Earliest arrival time [ns]; earlier messages are not read.
 
         Raises
         ------
         BagDamageError
-            When the file is damaged, after the messages before the damage were yielded.
+            When the file is damaged. The messages before the damage are yielded first.
         BagError
-            When a named type was recorded with another definition that the bag does not store. A
-            bag with another definition of samples or events cannot be opened.
+            When one of ``type_names`` was recorded with another definition, and the bag does not
+            contain this definition. (If the definition of samples or events differs, the bag
+            cannot even be opened.)
         """
         for type_name in type_names:
             if type_name in self._foreign:
@@ -376,7 +388,7 @@ class TactileBag:
         return max((file.newest_ns for file in self._files), default=0)
 
     def sha256(self) -> str:
-        """Return the SHA-256 hash of the bag's data files, in hexadecimal."""
+        """Return the SHA-256 digest of the data files of the bag, in hexadecimal digits."""
         digest = hashlib.sha256()
         for file in self._files:
             for part in file.read_parts():
@@ -395,7 +407,10 @@ def _unpack_message(data: bytes) -> bytes:
 
 
 def _is_blank(path: Path) -> bool:
-    """Return True if a file is missing or contains only zeros and blanks, as after a power cut."""
+    """Return True if a file is missing or contains only zeros and blanks.
+
+    A power cut can leave zeros in a file.
+    """
     if not path.is_file():
         return not path.exists()
     with path.open('rb') as file:
@@ -413,7 +428,7 @@ def _read_metadata(custom: dict[str, str]) -> dict[str, Any]:
 
 
 class _MergedFiles:
-    """Merges open data files by arrival time; the amount of data in memory is bounded."""
+    """Merges open data files in the order of arrival. Memory is bounded by `MAX_OPEN_BYTES`."""
 
     def __init__(self, files: Sequence[McapFile | SqliteFile]) -> None:
         self._files = files
@@ -424,7 +439,7 @@ class _MergedFiles:
     ) -> Iterator[tuple[int, StoredTopic, bytes]]:
         """Yield arrival time [ns], topic and bytes of the messages on some topics."""
         sources = (self._sources(n, file, names, since_ns) for n, file in enumerate(self._files))
-        # The number of a source is unique, so the tuples are never compared beyond it.
+        # The place of a source is unique, so later elements of the tuples are never compared.
         waiting = heapq.merge(*sources, key=lambda source: source[:2])
         due = next(waiting, None)
         opened: list[tuple[int, _Place, Message, Iterator[Message]]] = []
@@ -442,7 +457,7 @@ class _MergedFiles:
     def _sources(
         self, number: int, file: McapFile | SqliteFile, names: Collection[str], since_ns: int
     ) -> Iterator[tuple[int, _Place, Iterator[Message]]]:
-        """Yield the file's segments in the order of time: start, place, messages."""
+        """Yield start, place and messages of each segment of a file, in the order of time."""
         channels = {n for n, topic in file.topics.items() if topic.name in names}
         if isinstance(file, SqliteFile):
             yield 0, (number, 0), file.messages(channels)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Repair of bags that were not closed, by writing a closed copy."""
+"""Repair of bags that were not closed: a closed copy is written."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ from tactile_ros.yaml_files import load_yaml
 
 @dataclass(frozen=True)
 class Repair:
-    """Number of copied messages, state of the source, and damage; None for a sound bag."""
+    """Result of a repair.
+
+    ``message_count`` is the number of copied messages. ``recovered`` and ``damage`` describe the
+    state and the damage of the source; both may be None.
+    """
 
     message_count: int
     recovered: str | None
@@ -30,7 +34,8 @@ class Repair:
 def repair_bag(source: Path, target: Path) -> Repair:
     """Copy every complete message of a bag to a new bag, byte for byte.
 
-    The source is not changed. The metadata of the copy say that it is a copy, and of which data.
+    The source is not changed. The metadata of the copy contain the SHA-256 digest of the source.
+    If the source is damaged, the messages before the damage are copied.
 
     Raises
     ------
@@ -55,7 +60,7 @@ def repair_bag(source: Path, target: Path) -> Repair:
 
 
 def _usable_qos(text: str) -> str:
-    """Return quality of service settings as words; older bags contain numbers."""
+    """Return quality-of-service settings with words; older bags contain numbers instead."""
     try:
         profiles = load_yaml(text)
         if all(isinstance(profile['history'], str) for profile in profiles):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writer of bags that remain readable when the process is killed at any time."""
+"""Writer of bags. If the process is killed at any time, the bag remains readable."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tactile_bags.message_types import message_store, qos_text
 from tactile_ros.topics import join_topic, RecordedTopic
 
 METADATA_KEY = 'tactile'
-"""Key of the bag's custom data with the metadata of the recording, as JSON."""
+"""Key in the custom data of a bag; its value is the metadata of the recording, as JSON."""
 
 
 class BagWriter:
@@ -38,14 +38,14 @@ class BagWriter:
     Attributes
     ----------
     saved_count : int
-        Number of messages in the file; set by `close`.
+        Number of messages in the file, after `close`.
     is_complete : bool
         True if `close` wrote all parts of the bag.
 
     Raises
     ------
     BagError
-        When the folder exists or cannot be created, or later when writing fails.
+        When the folder exists or cannot be created. The methods raise it when writing fails.
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, Any]) -> None:
@@ -82,7 +82,7 @@ class BagWriter:
 
     @property
     def _file_name(self) -> str:
-        return f'{self.path.resolve().name}_0.mcap'  # the name that rosbag2 gives its first file
+        return f'{self.path.resolve().name}_0.mcap'  # as rosbag2 names its first file
 
     def add_topic(self, topic: RecordedTopic, namespace: str = '') -> str:
         """Add a topic; return its absolute name."""
@@ -98,7 +98,7 @@ class BagWriter:
         )
 
     def add_stored_topic(self, topic: StoredTopic) -> str:
-        """Add a topic with the definition from another bag; return its absolute name."""
+        """Add a topic with the definition that another bag contains; return its absolute name."""
         with self._writing() as writer:
             if topic.name in self._topics:
                 raise BagError(f'the topic {topic.name} is already in the bag {self.path}')
@@ -106,7 +106,7 @@ class BagWriter:
         return topic.name
 
     def add_metadata(self, metadata: Mapping[str, Any]) -> None:
-        """Add metadata that become known during the recording; call this before `close`."""
+        """Add metadata that were not known at the start of the recording; call before `close`."""
         with self._writing():
             self._metadata.update(metadata)
             self._custom[METADATA_KEY] = json.dumps(self._metadata, sort_keys=True)
@@ -123,10 +123,10 @@ class BagWriter:
         self.write_raw(topic, received_at_ns, bytes(data))
 
     def save(self) -> None:
-        """Write all messages so far to the file.
+        """Write all messages that were added so far to the file.
 
-        Messages that are added later are lost if the process is killed before the next call. Has
-        no effect after `close`.
+        If the process is killed, messages that were added after the last call are lost. Has no
+        effect after `close`.
         """
         with self._lock:
             writer = self._writer
@@ -136,7 +136,7 @@ class BagWriter:
                 writer.flush()
                 text = self._metadata_text(writer)
                 if not self._has_early_metadata:
-                    # For `ros2 bag reindex`, which uses only the data file.
+                    # `ros2 bag reindex` needs them in the data file.
                     writer.write_metadata(text)
                     self._has_early_metadata = True
                 write_metadata(self.path, text)
@@ -144,7 +144,7 @@ class BagWriter:
                 raise self._failure(error) from error
 
     def sync(self) -> None:
-        """Wait until saved data are on the disk, in case the power fails.
+        """Wait until the saved data are on the disk, so that they survive a power cut.
 
         Other threads may write in the meantime. Has no effect after `close`.
         """
@@ -154,7 +154,7 @@ class BagWriter:
         try:
             writer.sync()
         except (OSError, ValueError) as error:
-            if self._writer is not None:  # `close` may have been called meanwhile
+            if self._writer is not None:  # if `close` was called meanwhile, there is no error
                 raise self._failure(error) from error
 
     def close(self) -> None:
@@ -182,7 +182,7 @@ class BagWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[McapWriter]:
-        """Lock the open writer for this thread; convert errors of writing to `BagError`."""
+        """Lock the open writer for this thread; raise errors of writing as `BagError`."""
         with self._lock:
             if self._writer is None:
                 raise BagError(f'the bag {self.path} is closed')

@@ -22,10 +22,10 @@ PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
 
 @dataclass(frozen=True)
 class Correction:
-    """Statements of the journal about a trial; each may be empty.
+    """Entries of the journal about a trial; each may be empty.
 
-    ``why_not`` is the reason why it is excluded, ``label`` its corrected label, and ``specimen``
-    the name of the plate or object under the finger.
+    ``why_not`` is the reason why the trial is excluded. ``label`` is its corrected label.
+    ``specimen`` is the name of the plate or object under the finger.
     """
 
     why_not: str = ''
@@ -68,8 +68,8 @@ def parse_journal(data: bytes) -> tuple[list[dict[str, Any]], int]:
     """Return the entries of a journal, and the length of the valid part [byte].
 
     Text after the last complete line is an interrupted entry and is ignored. A power cut can also
-    leave zeros at the end, so damaged lines at the end are ignored, too. Damaged lines before
-    valid ones raise a `BagError`.
+    leave zeros at the end, so damaged lines at the end are ignored, too. If a damaged line comes
+    before a valid one, raises `BagError`.
     """
     entries: list[dict[str, Any]] = []
     length = position = damaged = 0
@@ -115,7 +115,7 @@ def _add_up(entries: Iterable[Mapping[str, Any]]) -> dict[str, Correction]:
             excluded.pop(trial_id, None)
         elif kind == 'relabelled':
             labels[trial_id] = str(entry['label'])
-            if specimens.get(trial_id):  # it was another plate or object, which is not stated
+            if specimens.get(trial_id):  # another object: its specimen is unknown, use its label
                 specimens[trial_id] = labels[trial_id]
     found = {}
     for trial_id, verdict in verdicts.items():

@@ -18,7 +18,7 @@ class ClassifierConfig:
     models: str = parameter('', 'folder with model files (*.npz), or one file; all are used')
     contact: str = parameter(
         '',
-        'load models and classify windows of this contact only; empty for all contacts',
+        'use only models and windows of this contact; if empty, all contacts are allowed',
         choices=('', *CONTACTS),
     )
     vision_messages: bool = parameter(
