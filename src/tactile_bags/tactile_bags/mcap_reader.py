@@ -1,11 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reader of MCAP files, whether or not they were closed.
+"""Reader of MCAP files, including files that were not closed.
 
-The library ``mcap`` decodes the records. Its own readers return no messages of a truncated chunk,
-unpack chunks of any size, and take 10 times as long per message, so messages are located here.
-The file's index is not used; only records that are present count. Sizes of records are limited.
+The library ``mcap`` decodes the records. This module locates the messages itself, because the
+readers of the library return no messages of a truncated chunk, unpack chunks of any size, and take
+10 times as long per message. The index of a file is not used; only the records themselves are. The
+sizes of records are limited.
 """
 
 from __future__ import annotations
@@ -42,10 +43,11 @@ MAX_METADATA_BYTES = 4 * 2**20
 """Largest ``metadata.yaml`` and largest copy of it within a file [byte]."""
 
 MAX_SEGMENTS = 500_000
-"""Largest number of chunks and of runs of `RUN_BYTES` outside chunks; each needs 200 bytes."""
+"""Largest number of segments (chunks and runs outside chunks); each needs 200 bytes of memory."""
 
 MAX_CHANNELS = 1_000_000
-"""Largest total number of channels in all distinct sets of channels that chunks have."""
+"""Different segments contain different sets of channels. This is the largest total number of
+channels in these sets."""
 
 RUN_BYTES = 2**20
 """Messages outside chunks are read in runs of about this size [byte]."""
@@ -56,12 +58,12 @@ MAX_RECORD_BYTES = 2**20
 MAX_NS = 2**63 - 1
 
 MAX_OPCODE, MIN_PRIVATE_OPCODE = 0x0F, 0x80
-"""Opcodes between these two are reserved; private records are skipped."""
+"""Opcodes between these two are reserved. Larger opcodes are private; such records are skipped."""
 
 _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
 _PACKING_OFFSET = _RECORD.size + 28
-_CHUNK_HEAD_BYTES = _PACKING_OFFSET + 4 + 8  # of a chunk without compression
+_CHUNK_HEAD_BYTES = _PACKING_OFFSET + 4 + 8  # if the chunk is not compressed
 _MESSAGE_CODE = int(Opcode.MESSAGE)
 _TAKEN = {
     Opcode.SCHEMA,
@@ -83,8 +85,8 @@ class StoredTopic:
     """A topic as stored in a bag.
 
     ``type_hash`` is empty if the recorder did not know it. ``definition`` is the text of the
-    message definition and of all definitions that it refers to; ``definition_format`` is
-    ``ros2msg`` or ``ros2idl``; ``qos`` is the offered quality of service, as YAML.
+    message definition and of all definitions that it uses. ``definition_format`` is ``ros2msg`` or
+    ``ros2idl``. ``qos`` is the offered quality of service, as YAML.
     """
 
     name: str
@@ -97,10 +99,10 @@ class StoredTopic:
 
 
 class Segment(NamedTuple):
-    """A part of the file that is read as a unit: a chunk, or a run of records outside chunks.
+    """A part of the file that is read at a time: a chunk, or a run of records outside chunks.
 
-    Times of arrival are in nanoseconds; ``size`` is the uncompressed size [byte]; ``is_packed`` is
-    true for a compressed chunk.
+    ``first_ns`` and ``last_ns`` are the earliest and the latest arrival time [ns]. ``size`` is the
+    uncompressed size [byte]. ``is_packed`` is True for a compressed chunk.
     """
 
     first_ns: int
@@ -112,7 +114,11 @@ class Segment(NamedTuple):
 
 
 class _Index(NamedTuple):
-    """Number of messages by channel, first and last time [ns], and end of the records [byte]."""
+    """Contents of some records.
+
+    ``counts`` contains the number of messages of each channel. ``first_ns`` and ``last_ns`` are
+    the earliest and the latest arrival time [ns]. ``size`` is the end of the last record [byte].
+    """
 
     counts: Counter[int]
     first_ns: int
@@ -126,15 +132,17 @@ class McapFile:
     Attributes
     ----------
     topics, counts, stated_counts : dict
-        Topics, numbers of messages, and numbers according to the statistics in the file (None
-        without statistics), by channel.
+        Dictionaries by channel: the topics, the numbers of messages, and the numbers of messages
+        according to the statistics in the file. ``stated_counts`` is None if the file has no
+        statistics.
     segments : list of Segment
-        In the order of the file.
+        The segments, in the order of the file.
     is_finished : bool
-        True if the file was closed. Otherwise it is read up to its last complete record, and
-        ``unread_bytes`` follow.
+        True if the file was closed. If it was not, it is read up to its last complete record; the
+        number of bytes after that is ``unread_bytes``.
     damage : str or None
-        Position of damage in a closed file, which is read up to there; None if there is none.
+        If a closed file is damaged, the position of the damage, up to which the file is read;
+        otherwise None.
     metadata : str
         The copy of ``metadata.yaml`` in the file, or empty.
     """
@@ -237,10 +245,10 @@ class McapFile:
             self.unread_bytes = max(0, self._size - position)
 
     def _is_partial(self, position: int, end: int) -> bool:
-        """Return True if an uncompressed chunk was only partly written to the disk.
+        """Return True if only a part of an uncompressed chunk was written to the disk.
 
-        The end of such a chunk is missing, or consists of zeros that the file system put in its
-        place at the end of the file. Any other chunk with a wrong checksum was changed.
+        The end of such a chunk is missing, or the file system has filled the end of the file with
+        zeros. If any other chunk has a wrong checksum, it was changed.
         """
         if self._claims_end or self._read(position + _PACKING_OFFSET, 4) != bytes(4):
             return False
@@ -250,7 +258,7 @@ class McapFile:
     def _take(self, opcode: int, offset: int, length: int) -> None:
         """Process the contents of a record that is not a message."""
         if opcode == Opcode.METADATA and length > MAX_METADATA_BYTES:
-            return  # not written by rosbag2, whose metadata are shorter
+            return  # rosbag2 has not written it: its metadata are shorter
         if opcode not in _TAKEN:
             if MAX_OPCODE < opcode < MIN_PRIVATE_OPCODE:
                 raise BagError(f'records of type {opcode} are unknown')
@@ -287,7 +295,8 @@ class McapFile:
         if not self._claims_end:
             behind = self._read(position + index.size, _RECORD.size)
             if not any(behind) and (behind or self._is_in_partial_chunk):
-                # Zeros replace data that were not written: the last message may be incomplete.
+                # The file system wrote zeros instead of data, so the last message may be
+                # incomplete.
                 data = data[: index.size]
                 there = len(data.rstrip(b'\0'))
                 whole = max((e for _, _, e in _records(data) if e <= there), default=0)
@@ -324,7 +333,7 @@ class McapFile:
             topic = self._topic_of(channel)
             is_new = channel.id not in self.topics
             is_same = self.topics.setdefault(channel.id, topic) == topic
-        if not is_same:  # repeated after the data, or in each chunk
+        if not is_same:  # a definition may be repeated after the data, or in each chunk
             raise BagError('a channel or a message is defined twice, with different contents')
         self._definition_bytes += len(contents) * is_new
         _check_size('all definitions', self._definition_bytes, MAX_DEFINITION_BYTES)
@@ -351,7 +360,7 @@ class McapFile:
     # -- messages -----------------------------------------------------------------------
 
     def messages_of(self, segment: Segment, channels: Collection[int]) -> Iterator[Message]:
-        """Yield the messages of a segment on these channels, in the order of arrival."""
+        """Yield the messages of a segment that are on these channels, in the order of arrival."""
         if segment.is_packed:
             _, length, end = self._head(segment.offset)
             data = _unpack_chunk(_decode(Chunk.read, self._read(end - length, length)))
@@ -369,7 +378,7 @@ class McapFile:
 
 
 class _Contents(io.BytesIO):
-    """Contents of a record; reading beyond their end raises an error."""
+    """Contents of a record. Reading beyond the end raises an error."""
 
     def read(self, size: int | None = -1) -> bytes:
         if size is None or size > len(self.getbuffer()) - self.tell():
@@ -386,7 +395,7 @@ def _decode(read: Callable[[ReadDataStream], _Record], contents: bytes) -> _Reco
 
 
 def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, start and end of the contents of each complete record."""
+    """Yield the opcode of each complete record, and the start and end of its contents."""
     position, last = 0, len(data) - _RECORD.size
     while position <= last:
         opcode, length = _RECORD.unpack_from(data, position)
@@ -398,10 +407,10 @@ def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def _index_of(data: bytes, learn: Callable[[int, bytes], None] | None = None) -> _Index:
-    """Return the index of all complete records, up to the first incomplete one.
+    """Return the index of the records before the first incomplete record.
 
-    ``learn`` is called with definitions. Without it, the index ends before the first record that
-    is not a message.
+    ``learn`` is called with each definition. If it is None, the index ends before the first record
+    that is not a message.
     """
     counts: dict[int, int] = {}
     first_ns, last_ns, size = 2**64, 0, 0
@@ -431,7 +440,7 @@ def _check_size(what: str, size: int, limit: int) -> None:
 
 
 def _unpack_chunk(chunk: Chunk) -> bytes:
-    """Return the contents of a chunk; unpacking stops at the size that the chunk states."""
+    """Return the contents of a chunk. Not more than the stated size is unpacked."""
     size = chunk.uncompressed_size
     _check_size('a chunk', size, MAX_CHUNK_BYTES)
     try:
@@ -444,14 +453,14 @@ def _unpack_chunk(chunk: Chunk) -> bytes:
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise BagError(f'a chunk cannot be unpacked: {error}') from error
     if len(data) != size:
-        raise BagError('the size of a chunk differs from the stated one')
+        raise BagError('the size of a chunk differs from the size that its header states')
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise BagError('the checksum of a chunk does not match its contents')
     return data
 
 
 def unpack_zstd(packed: bytes, limit: int) -> bytes:
-    """Return the uncompressed data, cut off at ``limit`` bytes."""
+    """Return at most the first ``limit`` bytes of the uncompressed data."""
     window = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES)
     return window.stream_reader(packed).read(limit)
 

@@ -1,11 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writer of MCAP files without chunks, like rosbag2 with its preset ``fastwrite``.
+"""Writer of MCAP files without chunks, as rosbag2 writes them with the preset ``fastwrite``.
 
-Every complete message in the file can be read after its writer was killed, and no index grows in
-memory. The library ``mcap`` encodes the records. Its own writer counts a message before the
-message is in the file, so that its statistics are wrong when the disk is full.
+If the process is killed, every complete message in the file can still be read. There is no index
+that grows in memory. The library ``mcap`` encodes the records. Its own writer is not used: it
+counts a message before the message is in the file, so its statistics are wrong if the disk is
+full.
 """
 
 from __future__ import annotations
@@ -41,8 +42,9 @@ _FOOTER_CHECKSUM_BYTES = 4
 class McapWriter:
     """Writer of a new MCAP file; raises `OSError` when the file cannot be written.
 
-    ``counts`` has the number of messages in the file by channel; ``first_ns`` and ``last_ns`` are
-    their earliest and latest arrival time [ns], or 0 before the first message.
+    ``counts`` maps each channel to its number of messages in the file. ``first_ns`` and
+    ``last_ns`` are the earliest and the latest arrival time of these messages [ns]; 0 before the
+    first message.
     """
 
     def __init__(self, path: Path) -> None:
@@ -64,8 +66,8 @@ class McapWriter:
             while view:
                 view = view[self._file.write(view) :]
         except OSError:
-            # An incomplete record would make all later ones unreadable. Removing it leaves a
-            # valid end of the file, and may free enough space for the closing records.
+            # An incomplete record would make all later records unreadable, so it is removed. The
+            # file then has a valid end, and there may be enough space for the closing records.
             self._file.seek(self._size)
             self._file.truncate()
             raise
@@ -100,9 +102,9 @@ class McapWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Write buffered data to the file, that is, to the operating system.
+        """Write the buffered data to the file, but do not wait until they are on the disk.
 
-        Data that cannot be written are dropped and not counted.
+        If the data cannot be written, they are dropped and not counted.
         """
         data, counts, times_ns = self._new.end(), self._new_counts, self._new_ns
         self._new_counts, self._new_ns = Counter(), []
@@ -122,7 +124,7 @@ class McapWriter:
         self._metadata_indexes.append(index)
 
     def sync(self) -> None:
-        """Wait until written data are on the disk; other threads may write in the meantime."""
+        """Wait until the written data are on the disk. Meanwhile, other threads may write."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:

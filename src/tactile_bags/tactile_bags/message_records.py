@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records from the messages of a bag. Messages that a node would refuse are skipped."""
+"""Conversion of the messages of a bag to records. Messages with invalid values are skipped."""
 
 from __future__ import annotations
 
@@ -32,14 +32,17 @@ _CONVERSIONS: dict[str, Callable[[Any], Any]] = {
 }
 
 RECORDED_TYPES = tuple(_CONVERSIONS)
-"""Message types that have a record."""
+"""Message types that can be converted to a record."""
 
 _logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class KeptMessage(BagMessage):
-    """A message that keeps its decoded record; ``correct`` may change the record first."""
+    """A message that keeps its decoded record.
+
+    If ``correct`` is given, it is applied to the record after decoding.
+    """
 
     correct: Callable[[Any], Any] | None = None
 

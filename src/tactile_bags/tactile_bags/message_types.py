@@ -20,10 +20,11 @@ _PACKAGE = 'tactile_msgs'
 
 @lru_cache(maxsize=1)
 def _message_definitions() -> dict[str, str]:
-    """Return the text of each ``.msg`` file by the name of its type, such as ``Tare``.
+    """Return a dictionary from the name of each type, such as ``Tare``, to its ``.msg`` text.
 
-    The definitions of a sourced workspace take precedence, because its nodes publish them. An
-    installation with pip has the same files in the folder ``tactile_msgs`` of this package.
+    If a workspace is sourced, its definitions are used, because its nodes publish these messages.
+    Otherwise, the copy in the folder ``tactile_msgs`` of this package is used, which an
+    installation with pip contains.
     """
     for folder in (_workspace_folder(), resources.files(__package__) / _PACKAGE):
         if folder is not None and folder.is_dir():

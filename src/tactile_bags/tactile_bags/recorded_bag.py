@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag of this package in memory, with the corrections of its experiment's journal."""
+"""A bag of this package in memory, with the corrections in the journal of its experiment."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ MAX_KEPT_BYTES = 2**28
 
 
 class RecordedBag(TactileBag):
-    """A bag of this package that is read once; its messages and their records are kept.
+    """A bag of this package. It is read once; its messages and their records stay in memory.
 
-    Its events have the corrected labels of the experiment's journal, and session names that
-    distinguish it from other recordings. It can be used wherever a `TactileBag` is expected,
-    without opening files again. The parameters are those in `TactileBag`.
+    After `correct`, its events have the corrected labels of the journal of the experiment, and
+    session names that distinguish experiments. It can be used wherever a `TactileBag` is expected.
+    The parameters are the same as in `TactileBag`.
     """
 
     def __init__(self, path: Path, *, needs_strain: bool = True) -> None:
@@ -50,7 +50,7 @@ class RecordedBag(TactileBag):
     def messages(
         self, *type_names: str, namespace: str | None = None, since_ns: int = 0
     ) -> Iterator[BagMessage]:
-        """Yield messages as `TactileBag.messages` does; those with a record come from memory."""
+        """Yield messages as `TactileBag.messages` does, from memory if possible."""
         is_kept = bool(type_names) and set(type_names) <= set(RECORDED_TYPES)
         if not is_kept or since_ns or not self._keep(type_names):
             yield from super().messages(*type_names, namespace=namespace, since_ns=since_ns)
@@ -61,7 +61,10 @@ class RecordedBag(TactileBag):
             raise self._damage
 
     def _keep(self, type_names: Sequence[str]) -> bool:
-        """Read the messages with a record; return True if all requested types are in memory."""
+        """Read the messages of all types that have a record into memory, once.
+
+        Return False if a requested type cannot be in memory, or the bag is too large.
+        """
         known = [name for name in RECORDED_TYPES if name not in self._foreign]
         size_bytes = sum(file.path.stat().st_size for file in self._files)
         if not set(type_names) <= set(known) or size_bytes > MAX_KEPT_BYTES:
@@ -91,9 +94,10 @@ class RecordedBag(TactileBag):
         return STRAIN in counts and EVENT in counts
 
     def correct(self, corrections: Mapping[str, Correction], prefix: str = '') -> None:
-        """Set corrections of the trials by trial id, for all later reads.
+        """Apply corrections to all messages that are read later.
 
-        ``prefix`` is added to the names of sessions and mountings, to distinguish experiments.
+        ``corrections`` maps trial ids to corrections. ``prefix`` is added to the names of sessions
+        and mountings, to distinguish experiments.
         """
         self.corrections, self._prefix, self._kept = corrections, prefix, None
 
@@ -142,7 +146,7 @@ class RecordedBag(TactileBag):
         )
 
     def rate_hz(self, namespace: str) -> float | None:
-        """Return the sample rate that the recording states, or that its stamps show [Hz]."""
+        """Return the sample rate [Hz]: the nominal rate, or if unknown, the rate of the stamps."""
         if nominal_hz := nominal_rate_hz(self, namespace):
             return nominal_hz
         stamps_ns = self.strain(namespace)[0]
@@ -159,12 +163,12 @@ class RecordedBag(TactileBag):
                 found.append(running[event.trial_id])
             running[event.trial_id].append(event)
             if event.phase in (PHASE_DONE, PHASE_ABORTED):
-                del running[event.trial_id]  # later events belong to another trial of that name
+                del running[event.trial_id]  # later events belong to another trial with this id
         simulated = self.metadata.get('simulated') is True or self._is_of_simulation(namespace)
         return [self._make_trial(namespace, events, simulated) for events in found]
 
     def _is_of_simulation(self, namespace: str) -> bool:
-        """Return True if a finger's first samples are from a simulated sensor."""
+        """Return True if the first samples of a finger are from a simulated sensor."""
         first = next(read_records(self.messages(STRAIN, namespace=namespace)), None)
         return first is not None and bool(first[1].status & StrainStatus.SIMULATED)
 
@@ -216,7 +220,11 @@ class RecordedBag(TactileBag):
 
 
 def correct_bags(bags: Sequence[RecordedBag]) -> None:
-    """Correct bags by the journals of their experiments; sessions of several bags get prefixes."""
+    """Apply the corrections in the journals of the experiments that contain the bags.
+
+    If the bags are from several experiments, the names of sessions and mountings get the name of
+    the experiment as a prefix.
+    """
     folders = [experiment_of(bag.path) for bag in bags]
     experiments = list(dict.fromkeys(folder for folder in folders if folder))
     names = [folder.name for folder in experiments]

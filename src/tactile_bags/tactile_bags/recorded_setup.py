@@ -3,7 +3,7 @@
 
 """Feature specifications and models of a recording, from its messages.
 
-Simulated recordings state the parameters of their features in the metadata.
+In a simulated recording, the parameters of the features are in the metadata.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from tactile_ros.topics import MODELS, SPECIFICATIONS, STRAIN
 _logger = logging.getLogger(__name__)
 
 WRITTEN_IN = 'written_in'
-"""Metadata entry with the folder of the bag at recording time."""
+"""Key of the metadata entry with the path of the bag during the recording."""
 
 
 @dataclass(frozen=True)
 class RecordedFeatures:
-    """The features of one finger of a recording: parameters of the node, and specifications.
+    """The features of one finger in a recording: parameters of the node, and specifications.
 
-    If ``wanted`` is empty, the parameters in ``config`` determine the specifications.
+    If ``wanted`` is empty, the specifications follow from the parameters in ``config``.
     """
 
     config: FeatureConfig
@@ -74,15 +74,15 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
     records = list(read_records(messages))
     if messages and not records and messages[-1].is_of_another_release:
         _logger.warning(
-            '%s: its feature specifications are of another release; features are computed by the '
-            'installed release with the recorded parameters',
+            '%s: its feature specifications are from another release; features are computed by '
+            'the installed release with the recorded parameters',
             bag.path,
         )
         config = _read_json(messages[-1].decode().config)
     elif messages and not records:
         raise BagError(
             f'{bag.path}: its feature parameters are unusable: each message on '
-            f'{messages[0].topic} is refused; the log says why'
+            f'{messages[0].topic} is refused; the log contains the reason'
         )
     for _, announced in records:
         config = announced.config
@@ -94,10 +94,12 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
 
 
 def computable_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
-    """Return the features of a finger at the rate of its samples.
+    """Return the features of a finger, for the rate of its recorded samples.
 
-    They equal `recorded_features`, unless these were configured for another rate: a node with
-    ``rate_hz`` 60 computes no features of samples at 100 Hz. Windows keep their duration.
+    If `recorded_features` were configured for this rate, they are returned. Otherwise, the node
+    could not compute features (for example, with ``rate_hz`` 60 and samples at 100 Hz). In this
+    case, the features are configured for the rate of the samples, with windows of the same
+    duration.
     """
     recorded = recorded_features(bag, namespace)
     first = next(iter(read_records(bag.messages(STRAIN, namespace=namespace))), None)
@@ -126,11 +128,11 @@ def _read_json(text: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
-        return text  # later refused as invalid parameters
+        return text  # `_read_config` refuses it
 
 
 def _read_config(values: Mapping[str, Any]) -> FeatureConfig:
-    """Return the parameters of a recording; unknown ones, of other releases, are ignored."""
+    """Return the parameters of a recording; ignore unknown parameters of other releases."""
     if not isinstance(values, Mapping):
         raise TypeError(f'they are {type(values).__name__}, not names and values')
     known = {field.name for field in fields(FeatureConfig)}
@@ -140,7 +142,7 @@ def _read_config(values: Mapping[str, Any]) -> FeatureConfig:
 
 
 def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:
-    """Return the nominal sample rate of a recording [Hz], or 0 if it states none."""
+    """Return the nominal sample rate of a recording [Hz], or 0 if it is unknown."""
     try:
         features = recorded_features(bag, namespace)
     except BagError:
@@ -159,10 +161,10 @@ def recorded_models(bag: TactileBag, namespace: str = '') -> tuple[ModelInfo, ..
 
 
 def find_models(bag: TactileBag, namespace: str = '') -> list[Path]:
-    """Return the model files used during a recording; an empty list without models.
+    """Find the model files that were used during a recording; empty if there were no models.
 
-    A file is searched at its recorded path. If it was next to the bag, it is then searched next to
-    the bag, because both may have been moved together. A file that is missing or has changed
+    A file is searched at its recorded path, and then at the same path relative to the bag, because
+    the bag and its models may have been moved together. If a file is missing or has changed,
     raises `TactileError`.
     """
     folder = (bag.path if bag.path.is_dir() else bag.path.parent).resolve()
@@ -183,9 +185,9 @@ def _find(info: ModelInfo, folder: Path, written_in: str) -> Path:
 
 
 def gather_models(files: Sequence[Path], scratch: Path) -> Path | None:
-    """Return one path for a node's parameter ``models``, or None without files.
+    """Return a path for the parameter ``models`` of a node, or None if there are no files.
 
-    For several files, links to them are made in the folder ``scratch``.
+    If there are several files, the path is a new folder in ``scratch`` with links to the files.
     """
     if len(files) < 2:
         return files[0] if files else None

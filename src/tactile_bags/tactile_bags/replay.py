@@ -3,7 +3,7 @@
 
 """Replay of a recording through the plain core, and comparison with the recorded results.
 
-`replay_through_core` uses the objects that the nodes use, without a ROS graph;
+`replay_through_core` uses the same objects as the nodes, without a ROS graph.
 `tactile_lab.replay_nodes` does the same with real nodes.
 """
 
@@ -37,9 +37,9 @@ from tactile_ros.topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
 
 @dataclass
 class TactileResults:
-    """Feature windows and classifications of one pass over a recording, by window end.
+    """Feature windows and classifications of one pass over a recording.
 
-    ``made_at_ns`` has, by the Python `id` of each result, the arrival time of the result or of the
+    ``made_at_ns`` maps the Python `id` of each result to the arrival time of the result, or of the
     message that completed it [ns]; empty if unknown.
     """
 
@@ -52,7 +52,7 @@ class TactileResults:
         return [*self.windows, *self.classifications]
 
     def sort(self) -> TactileResults:
-        """Sort the results by time, independently of their arrival."""
+        """Sort the results by the end of their windows. The order does not depend on arrival."""
         self.windows.sort(
             key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, w.specification_digest)
         )
@@ -73,7 +73,7 @@ def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
 
 
 def first_sample_ns(bag: TactileBag, namespace: str = '') -> int | None:
-    """Return the time of a finger's first sample in the recording [ns], or None."""
+    """Return the time of the first recorded sample of a finger [ns], or None."""
     first = next(read_records(bag.messages(STRAIN, namespace=namespace)), None)
     return None if first is None else int(first[1].stamp_ns)
 
@@ -81,9 +81,9 @@ def first_sample_ns(bag: TactileBag, namespace: str = '') -> int | None:
 def sensed_messages(bag: TactileBag, namespace: str = '') -> Iterator[BagMessage]:
     """Yield samples and events in the order of their arrival, for processing by nodes.
 
-    The topic of the events is latched, so it first delivers events from before the recording.
-    Events of trials that had ended before are skipped, because their samples are not in the
-    recording.
+    The topic of the events is latched, so a recording may begin with events from before its start.
+    If their trial had already ended, these events are skipped, because the recording has no
+    samples of the trial.
     """
     over = _trials_before(bag, namespace)
     for message in bag.messages(STRAIN, EVENT, namespace=namespace):
@@ -94,7 +94,8 @@ def sensed_messages(bag: TactileBag, namespace: str = '') -> Iterator[BagMessage
 def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
     """Return, for the first events, whether their trials had ended before the recording.
 
-    Such a trial ended before the first sample, and its events arrived faster than they occurred.
+    This is the case if a trial ended before the first sample, and the time between the arrivals of
+    its events is less than half of the time between their stamps.
     """
     begin_ns = first_sample_ns(bag, namespace)
     stamps_ns: dict[str, list[int]] = {}
@@ -122,8 +123,9 @@ def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
 class ReplayedPhases:
     """Windows and phases that the feature core computes from recorded samples and events.
 
-    ``windows`` are in the order of their completion, ``made_at_ns`` is as in `TactileResults`, and
-    ``events`` are the recorded phases, or the phases detected in the tension.
+    ``windows`` are in the order of their completion. ``made_at_ns`` is the same as in
+    `TactileResults`. ``events`` are the recorded phases, or the phases that were detected in the
+    tension.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
@@ -135,10 +137,10 @@ class ReplayedPhases:
 def replay_phases(
     bag: TactileBag, features: RecordedFeatures, namespace: str = '', *, finish: bool = False
 ) -> ReplayedPhases:
-    """Return windows and phases of a recording, computed by the plain core.
+    """Compute the windows and phases of a recording with the plain core.
 
-    With ``finish``, phases whose window was incomplete when the recording ended also yield a
-    window without features.
+    If ``finish`` is True, windows that were incomplete at the end of the recording are also
+    returned, as windows without features.
     """
     extractor = TrialFeatureExtractor(features.config, features.wanted)
     replayed = ReplayedPhases(specifications=extractor.specifications)
@@ -170,7 +172,7 @@ def replay_through_core(
     features: RecordedFeatures,
     namespace: str = '',
 ) -> TactileResults:
-    """Return features and classifications of a finger's recording, computed without nodes."""
+    """Compute the features and classifications of a finger with the plain core, without nodes."""
     replayed = replay_phases(bag, features, namespace)
     results = TactileResults(replayed.windows, made_at_ns=replayed.made_at_ns)
     if models is not None:
@@ -187,7 +189,7 @@ ROUNDING = 1e-9
 """Largest relative difference between a recorded and a computed number."""
 
 TAIL_S = 1.0
-"""Length of the end of a recording in which completed results may be missing [s]."""
+"""A recording may lack results that became complete within this time before its end [s]."""
 
 Result = FeatureWindow | WindowPrediction
 
@@ -199,13 +201,13 @@ class ReplayComparison:
     Attributes
     ----------
     first_difference : str or None
-        One sentence; None if the passes are equal.
+        A sentence about the first difference; None if the passes are equal.
     left_out : str or None
-        Description of results that were not compared, because they began before the recording, or
-        are only in one pass, at the interrupted end.
+        Description of the results that were not compared, because they began before the recording,
+        or because they are at the interrupted end of the recording and only in one pass.
     is_exact : bool
-        True if the passes are equal bit by bit. Recordings from another computer may differ by
-        rounding, because NumPy's sums depend on the processor.
+        True if all bits of the results are equal. If a recording is from another computer, results
+        may differ by rounding, because sums in NumPy depend on the processor.
     """
 
     first_difference: str | None
@@ -224,18 +226,20 @@ def compare_with_recorded(
 ) -> ReplayComparison:
     """Compare recorded results with results that the core computes from samples and events.
 
-    Numbers may differ by the relative error `ROUNDING`. An interrupted recording may lack results
-    that became complete at its end, or the last samples of recorded results. This tail is not
-    compared: it lies within `TAIL_S` of the end, and no result of the same kind follows it. A
-    result that is missing earlier is a difference. Phases that began before the recording are not
-    compared either, because their first samples are missing.
+    Numbers may differ by the relative error `ROUNDING`. The following results are not compared:
+
+    - Results that began before the recording, because their first samples are missing.
+    - Results at the end that are only in one of the two passes. If a recording was interrupted,
+      its last results or the last samples of these results may be missing. A result belongs to the
+      end if it became complete within `TAIL_S` before ``end_ns``, and no other result of the same
+      kind follows it in the shorter pass. If a result is missing earlier, this is a difference.
 
     Parameters
     ----------
     end_ns : int
         Arrival time of the last message of the recording [ns].
     begin_ns : int
-        Time of its first sample [ns].
+        Time of the first sample of the recording [ns].
     """
     names = 'the recording', 'the core'
     whole = compare(recorded, core, names, rounding=ROUNDING)
@@ -260,7 +264,10 @@ def compare_with_recorded(
 
 
 def _tail(more: TactileResults, fewer: TactileResults, from_ns: int) -> list[Result]:
-    """Return the results by which one pass is longer, if they are from the end."""
+    """Return the results at the end of one pass that the other pass does not have.
+
+    If one of these results became complete before ``from_ns``, none of its kind are returned.
+    """
     found: list[Result] = []
     kinds = _by_kind(fewer)
     for kind, results in _by_kind(more).items():
@@ -272,7 +279,7 @@ def _tail(more: TactileResults, fewer: TactileResults, from_ns: int) -> list[Res
 
 
 def _by_kind(results: TactileResults) -> dict[tuple[object, ...], list[Result]]:
-    """Return results by topic, and by specification or model."""
+    """Return the results of each kind: windows by specification, classifications by model."""
     kinds: dict[tuple[object, ...], list[Result]] = {}
     for result in results.all():
         kinds.setdefault(_kind(result), []).append(result)
@@ -300,7 +307,7 @@ def _format_left_out(
     sentences = []
     if begun:
         sentences.append(
-            f'{_count(begun)} began before the recording, which lacks the first samples'
+            f'{_count(begun)} began before the recording, so their first samples are missing'
         )
     if unrecorded:
         sentences.append(
@@ -325,10 +332,10 @@ def _count(results: Sequence[Result]) -> str:
 def compare(
     one: TactileResults, other: TactileResults, names: tuple[str, str], *, rounding: float = 0.0
 ) -> ReplayComparison:
-    """Compare two passes: every feature, label, score and stamp. ``names`` are their names.
+    """Compare every feature, label, score and stamp of two passes.
 
-    Numbers may differ by the relative error ``rounding``; values of an array may differ by that
-    fraction of its largest value.
+    ``names`` are the names of the passes in messages. Numbers may differ by the relative error
+    ``rounding``. Values of an array may differ by this fraction of the largest value in the array.
     """
     kinds: tuple[tuple[str, Sequence[Any], Sequence[Any]], ...] = (
         ('feature windows', one.windows, other.windows),

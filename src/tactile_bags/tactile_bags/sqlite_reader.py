@@ -27,8 +27,8 @@ _FAULTS = (sqlite3.Error, TypeError, ValueError, OverflowError)
 class SqliteFile:
     """Reader of a ``.db3`` file, with the attributes of `McapFile`.
 
-    ``counts`` are the rows that are valid messages; ``stated_counts`` are all rows. Raises
-    `BagError` for a file that is damaged or has another format.
+    ``counts`` are the numbers of rows that are valid messages; ``stated_counts`` are the numbers
+    of all rows. If the file is damaged or has another format, the constructor raises `BagError`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -64,7 +64,7 @@ class SqliteFile:
                 yield part
 
     def _read_topics(self) -> None:
-        # Views, triggers and functions of an untrusted file must not run.
+        # The file is untrusted: its views, triggers and functions must not run.
         self._database.execute('PRAGMA trusted_schema = OFF')
         kinds = dict(
             self._database.execute(
@@ -72,7 +72,7 @@ class SqliteFile:
             )
         )
         if kinds != {'topics': 'table', 'messages': 'table'}:
-            raise BagError('it lacks the tables of a bag')
+            raise BagError('it does not have the tables of a bag')
         query = f'SELECT id, name, type, serialization_format FROM topics LIMIT {MAX_TOPICS}'
         for number, name, type_name, serialization in self._database.execute(query):
             self.topics[int(number)] = StoredTopic(

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node that plays the strain and events of a recording byte for byte, and its clock."""
+"""Node that plays the samples and events of a recording unchanged, and publishes its clock."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from tactile_ros.qos import CLOCK, EVENTS, STREAM
 from tactile_ros.topics import EVENT, STRAIN
 
 CLOCK_PERIOD_S = 0.02
-"""Longest period of ``/clock``, in wall time."""
+"""Longest period of ``/clock``, in wall time [s]."""
 
 ACKNOWLEDGE_TIMEOUT_S = 5.0
-"""Longest wait at the end for all subscribers to acknowledge all messages [s]."""
+"""After the last message, longest time to wait for the acknowledgements of all subscribers [s]."""
 
 
 class BagPlayerNode(TactileNode):
-    """Node that plays a bag in the timing of its recording, then finishes.
+    """Node that plays a bag with the timing of the recording, and then finishes.
 
-    Only samples and events are published; the nodes of a finger compute features and
-    classifications from them again. ``/clock`` has the time of the recording, for nodes with
-    ``use_sim_time``. ``message_count`` is the number of messages played so far.
+    Only samples and events are published. From these, the nodes of a finger compute features and
+    classifications again. For nodes with ``use_sim_time``, ``/clock`` publishes the time of the
+    recording. ``message_count`` is the number of messages that were played so far.
     """
 
     def __init__(self, node_name: str = 'bag_player', **node_options: Any) -> None:
@@ -133,7 +133,10 @@ class BagPlayerNode(TactileNode):
         return True
 
     def _wait_until(self, due_ns: int, bag_ns: int) -> bool:
-        """Wait until ``due_ns`` and publish the clock, which reaches ``bag_ns`` at the end."""
+        """Publish the clock until ``due_ns``, when it reaches ``bag_ns``.
+
+        Return False if playing was stopped.
+        """
         while (left_ns := due_ns - time.monotonic_ns()) > 0:
             self._publish_time(bag_ns - round(left_ns * self.config.rate))
             if self._end.wait(min(left_ns * 1e-9, CLOCK_PERIOD_S)):

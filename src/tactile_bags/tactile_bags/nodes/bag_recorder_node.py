@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node that records the topics of one or more fingers to an MCAP bag, as raw bytes."""
+"""Node that records the topics of one or more fingers to an MCAP bag, in serialised form."""
 
 from __future__ import annotations
 
@@ -52,42 +52,46 @@ from tactile_ros.topics import (
 SAVE_PERIOD_S = 0.5
 """Period of flushes to the file and of syncs to the disk [s].
 
-A killed recorder loses at most the data of one period. A power failure also loses data that the
-disk has not yet synced.
+If the recorder is killed, at most the data of one period are lost. If the power fails, data that
+are not on the disk yet are also lost.
 """
 
 POLL_S = 0.02
-"""Period at which topics are polled [s]; the middleware stamps arrivals."""
+"""Period at which topics are polled [s]. It does not affect arrival times: these are stamped by
+the middleware."""
 
 MOST_DISORDER_NS = 1_000_000_000
-"""Arrivals that lie further back than this mean that the clock was set back [ns]."""
+"""If an arrival time is further back than this, the clock was set back [ns]."""
 
 HISTORY_S = 0.5
-"""Longest wait for the next latched event from before the activation, after the last one [s]."""
+"""After an activation, latched events arrive one after another. If none arrives for this time, all
+have arrived [s]."""
 
 KEPT_LATCHED = 64
-"""Number of recorded messages per latched topic that are recognised; publishers keep up to 16."""
+"""Number of recorded messages of each latched topic that are stored, to recognise messages that
+are delivered again. Publishers keep up to 16."""
 
 MAX_AUDITS = 500
-"""Number of audits that are kept in the node; the summary in the bag counts all audits."""
+"""Number of audits that the node keeps in memory. The summary in the bag counts all audits."""
 
 
 class BagRecorderNode(PollingNode):
-    """Node that records while it is active; cleaning it up closes the bag.
+    """Node that records while it is active. When it is cleaned up, it closes the bag.
 
-    Messages are written in their serialised form, so that a replay sends identical bytes. Each
-    trial is audited when it has ended.
+    Messages are written in their serialised form, so a replay sends identical bytes. Each trial is
+    audited after its end.
 
-    After an activation, latched topics first deliver their last messages. Messages that the bag
-    already contains are skipped, and so are the events of trials that had ended before: the bag
-    has no samples of those trials. Events of a trial that is under way are recorded.
+    After an activation, latched topics first deliver their last messages. If the bag already
+    contains a message, the message is skipped. Events of trials that ended before the activation
+    are also skipped, because the bag has no samples of these trials. If a trial has begun but not
+    ended, its events are recorded.
 
     If writing fails, for example because the disk is full, the recording ends and this node
-    reports a failure. Other nodes continue, because they may control motion. ``failure`` then has
-    the reason and the number of saved messages; otherwise it is None.
+    reports a failure. ``failure`` then contains the reason and the number of saved messages;
+    otherwise it is None. Other nodes continue, because they may control motion.
 
-    ``message_count`` messages were written, of which ``window_count`` are feature windows.
-    ``audits`` are the audits of the last `MAX_AUDITS` trials that have ended.
+    ``message_count`` is the number of messages that were written, and ``window_count`` the number
+    of feature windows among them. ``audits`` contains the last `MAX_AUDITS` audits of trials.
     """
 
     poll_s = POLL_S
@@ -98,12 +102,12 @@ class BagRecorderNode(PollingNode):
         self._topics: dict[str, RecordedTopic] = {}
         self._auditors: dict[str, FingerAuditor] = {}
         self._recording: dict[str, PolledSubscription] = {}
-        self._ahead: list[_Arrival] = []  # received, but not yet in order
-        self._received_ns: dict[str, int] = {}  # arrival of the newest message, by topic
+        self._ahead: list[_Arrival] = []  # received; older messages may still come
+        self._received_ns: dict[str, int] = {}  # arrival of the newest message of each topic
         self._savers: list[_Saver] = []
-        self._held: dict[str, list[bytes]] = {}  # from before the activation, by topic
-        self._held_ns = 0  # arrival of the last of them on the monotonic clock
-        self._latched: dict[str, deque[bytes]] = {}  # recorded messages, by topic
+        self._held: dict[str, list[bytes]] = {}  # events from before the activation, by topic
+        self._held_ns = 0  # monotonic time at which the last of these events arrived
+        self._latched: dict[str, deque[bytes]] = {}  # recorded messages of latched topics
         self._activated_ns = 0
         self._diagnostics: Diagnostics | None = None
         self._check: Periodic | None = None
@@ -154,7 +158,7 @@ class BagRecorderNode(PollingNode):
         if self._writer is None:
             raise ValueError(f'the recording has failed; clean up first: {self.failure}')
         self._activated_ns = time.time_ns()
-        # Subscribed on activation: latched messages must arrive when they can be written.
+        # Subscribed only now: latched messages must not arrive before they can be written.
         with self.lock:
             self._recording = {
                 name: self.poll(
@@ -173,10 +177,11 @@ class BagRecorderNode(PollingNode):
         self._take_all(time.time_ns())
 
     def _take_all(self, until_ns: int | None = None) -> None:
-        """Take the messages of all topics, and record those before ``until_ns`` in order.
+        """Take the messages of all topics, and record those until ``until_ns`` in order.
 
-        Topics are polled one after the other. Messages that arrive in the meantime wait for the
-        next poll, so that no topic can still hold an older one.
+        Topics are polled one after the other. While the last topic is polled, messages may arrive
+        on the first. A message that arrived after ``until_ns`` therefore waits for the next poll:
+        then all older messages of other topics have been taken.
         """
         with self.lock:
             arrivals = [*self._ahead]
@@ -193,10 +198,10 @@ class BagRecorderNode(PollingNode):
                 self._record(arrival)
 
     def _in_order(self, arrival: _Arrival) -> _Arrival:
-        """Return the arrival with a time that is not before the previous one on its topic.
+        """Return the arrival; its time is at least that of the previous arrival on its topic.
 
-        The middleware delivers the messages of a topic in the order in which they were sent. An
-        earlier message may arrive later, because it is latched or was sent again.
+        The middleware delivers the messages of a topic in the order in which they were sent. If a
+        message was latched or sent again, it may have arrived after a message that was sent later.
         """
         before_ns = self._received_ns.get(arrival.topic, 0)
         if 0 < before_ns - arrival.received_ns < MOST_DISORDER_NS:
@@ -208,14 +213,15 @@ class BagRecorderNode(PollingNode):
         name, topic = arrival.topic, self._topics[arrival.topic]
         if self.failure is not None:
             return
-        # Later events decide whether an event from before the activation is recorded.
+        # Whether an event from before the activation is recorded depends on the events after it:
+        # its trial may have ended before the activation.
         is_event = topic.type_name == EVENT
         if is_event and arrival.source_ns < self._activated_ns:
             self._held.setdefault(name, []).append(arrival.data)
             self._held_ns = time.monotonic_ns()
             return
         if topic.latched and not is_event and arrival.data in self._latched.get(name, ()):
-            return  # from before another activation
+            return  # it was already recorded during an earlier activation
         try:
             self._write_held(name)
             self._write(name, arrival.data, arrival.received_ns)
@@ -236,17 +242,18 @@ class BagRecorderNode(PollingNode):
             self._audit(self._auditors[finger], topic, data, writer)
 
     def _write_held(self, name: str) -> None:
-        """Write the events from before the activation that belong to the bag."""
+        """Write the events from before the activation whose trials have not ended."""
         known = self._latched.get(name, ())
         for data in _drop_ended(self._held.pop(name, []), known):
             if data not in known:
                 self._write(name, data)
 
     def _arrival_ns(self, received_ns: int | None = None) -> int:
-        """Return the ROS time of an arrival [ns]. It never decreases, because readers sort by it.
+        """Return the ROS time of an arrival [ns].
 
-        ``received_ns`` is the arrival on the computer's clock [ns]; by default it is the present.
-        When the clock is set back, the times continue from the last one.
+        ``received_ns`` is the arrival time on the computer's clock [ns]; if omitted, the current
+        time. The result never decreases, because readers sort by it. If the clock is set back, the
+        times continue from the last one.
         """
         now_ns = self.get_clock().now().nanoseconds
         if received_ns is not None:
@@ -297,7 +304,7 @@ class BagRecorderNode(PollingNode):
             self._topics, self._auditors = {}, {}
 
     def _finish(self, writer: BagWriter) -> None:
-        # After a failed configuration there is no publisher, and nothing to audit.
+        # If the configuration failed, there is no publisher and nothing to audit.
         if self._audit_publisher is not None:
             for auditor in self._auditors.values():
                 for audit in auditor.finish():
@@ -306,7 +313,7 @@ class BagRecorderNode(PollingNode):
         writer.close()
 
     def save(self) -> None:
-        """Return when all received messages are on the disk; raise `BagError` if writing fails."""
+        """Wait until all recorded messages are on the disk; raise `BagError` if writing fails."""
         writer = self._writer
         if writer is None:
             raise BagError(self.failure or 'nothing is being recorded')
@@ -316,14 +323,14 @@ class BagRecorderNode(PollingNode):
     # -- failure -------------------------------------------------------------------------
 
     def _end_recording(self, error: BagError) -> None:
-        """End the recording after an error of the bag, without affecting other nodes."""
+        """End the recording after an error of the bag. Other nodes are not affected."""
         self._stop_listening()
         self._close_savers()
         self._held = {}
         writer, self._writer = self._writer, None
         if writer is None:
             return
-        with suppress(BagError):  # the disk may still be full
+        with suppress(BagError):  # closing may also fail, for example on a full disk
             writer.close()
         state = 'closed' if writer.is_complete else 'not closed, as after killing a recorder'
         self.failure = (
@@ -333,7 +340,7 @@ class BagRecorderNode(PollingNode):
         self.has_failed = True
         self.get_logger().error(self.failure)
         if self._diagnostics is not None:
-            self._diagnostics.publish()  # the node's own process will exit
+            self._diagnostics.publish()  # now, because the process of the node will exit
         self.is_finished = True
 
     def _check_bag(self) -> None:
@@ -389,8 +396,8 @@ class BagRecorderNode(PollingNode):
     def unmatched_topics(self) -> list[str]:
         """Return the topics without a QoS-compatible publisher.
 
-        The recorder is ready when there are none. Optional topics are recorded when they appear,
-        but the recorder does not wait for them.
+        If there are no such topics, the recorder is ready. Optional topics are recorded when they
+        appear, but the recorder does not wait for them.
         """
         return [
             name
@@ -403,7 +410,8 @@ class BagRecorderNode(PollingNode):
 
     def _publisher_count(self, name: str) -> int:
         subscription = self._recording.get(name)
-        # A publisher with incompatible QoS is in the graph, but its messages do not arrive.
+        # If the QoS of a publisher is incompatible, the graph contains it, but its messages do not
+        # arrive.
         count = subscription.get_publisher_count() if subscription else self.count_publishers(name)
         return int(count)
 
@@ -422,7 +430,7 @@ class BagRecorderNode(PollingNode):
         names = ', '.join(missing)
         if (time.monotonic_ns() - self._started_ns) * 1e-9 < self.config.match_timeout_s:
             return Health(WARN, f'waiting for a publisher of {names}', values)
-        message = f'no publisher of {names}, which is not recorded; start its node'
+        message = f'no messages are recorded on {names}: there is no publisher; start its node'
         if not self._has_said_missing:
             self._has_said_missing = True
             self.get_logger().error(message)
@@ -430,7 +438,10 @@ class BagRecorderNode(PollingNode):
 
 
 def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
-    """Return serialised events without events of ended trials, unless ``known`` has one."""
+    """Return the events except those of trials that have ended; all are serialised.
+
+    If ``known`` contains an event of a trial, all events of the trial are kept.
+    """
     trials: list[tuple[str, list[bytes]]] = []
     has_ended: list[bool] = []
     for data in events:
@@ -438,7 +449,7 @@ def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
             event = deserialize_message(data, TrialEvent)
         except Exception:  # untrusted bytes, which are recorded unchanged
             event = TrialEvent()
-        # A trial id may be used again.
+        # If a trial has ended, a later trial may have the same id.
         if not trials or has_ended[-1] or trials[-1][0] != event.trial_id:
             trials.append((event.trial_id, []))
             has_ended.append(False)
@@ -479,7 +490,7 @@ def _time(stamp_ns: int) -> Time:
 
 
 class _Arrival(NamedTuple):
-    """A message of one topic; times are on the computer's clock [ns]."""
+    """A message of one topic. Its times are on the computer's clock [ns]."""
 
     topic: str
     data: bytes
@@ -488,9 +499,9 @@ class _Arrival(NamedTuple):
 
 
 class _Saver:
-    """Thread that calls a saving function periodically, until it fails.
+    """Thread that calls a saving function periodically until the function fails.
 
-    ``error`` is the error with which it failed.
+    ``error`` is then the error that the function raised.
     """
 
     def __init__(self, save: Callable[[], None]) -> None:
