@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decoding of messages of another release by the definitions that their bag stores."""
+"""Decoding of messages of another release with the definitions that their bag contains."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from tactile_bags.message_types import message_store
 
 
 def store_of_definition(topic: StoredTopic, type_hash: str) -> Typestore | None:
-    """Return the message types that a bag stores for a topic, or None if they are unusable.
+    """Return the message types that a bag contains for a topic, or None if they are unusable.
 
-    The definition must match the stated hash. Definitions with arrays of fixed length or messages
-    without fields are refused: with these, a few bytes could decode to any number of values.
+    The definition must match ``type_hash``. Definitions that contain arrays of fixed length or
+    messages without fields are refused: a few bytes of such a message could be decoded to any
+    number of values.
     """
     from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # slow to import
 
@@ -39,10 +40,10 @@ def store_of_definition(topic: StoredTopic, type_hash: str) -> Typestore | None:
 
 
 def complete_message(message: Any, type_name: str, stored: Typestore) -> Any:
-    """Return a message with a bag's definition, converted to the installed definition.
+    """Convert a message that has the definition of a bag to the installed definition.
 
-    A field that the bag lacks gets the default of its type. Raises `BagError` when a field has
-    another type in the bag.
+    If the definition of the bag does not have a field, the field gets the default of its type.
+    Raises `BagError` when a field has another type in the bag.
     """
     installed = message_store()
     there = dict(stored.fielddefs[type_name][1])

@@ -30,11 +30,12 @@ class Signal:
     channels : tuple of str
         Name of each channel.
     unit : str
-        Such as ``N`` or ``mN``; empty if unknown, or if channels have different units.
+        Unit of ``values``, such as ``N`` or ``mN``; empty if it is unknown, or if channels have
+        different units.
     rate_hz : float or None
         Sample rate [Hz]; None if unknown.
     status : ndarray of int, shape (n,), or None
-        `StrainStatus` of each sample in bags of this package, otherwise None.
+        `StrainStatus` of each sample, for bags of this package; otherwise None.
     """
 
     time_s: NDArray[np.float64] | None
@@ -52,19 +53,20 @@ class Trial:
     Attributes
     ----------
     name : str
-        Name of the trial; in bags of this package its ``trial_id``, which may be used again.
+        Name of the trial. In bags of this package, it is the ``trial_id``; several trials may have
+        the same one.
     source : str
         Path of the bag or file.
     label, session_id, mounting_id, contact, task : str
-        Empty if unknown.
+        Properties of the trial; empty if unknown.
     namespace : str
-        Namespace of the finger, in bags of this package.
+        Namespace of the finger, for bags of this package.
     why_not : str
-        Why the trial is excluded from training and evaluation; empty if it is included.
+        Reason why the trial is excluded from training and evaluation; empty if it is included.
     columns : dict
-        All known properties of the trial, by name of column.
+        All known properties of the trial. The keys are names of columns.
     events : tuple of TrialEvent
-        Events in their order, in bags of this package.
+        Events of the trial in their order, for bags of this package.
     begin_ns : int or None
         Time of the first event (ROS time) [ns].
     """
@@ -86,13 +88,13 @@ class Trial:
 
     @cached_property
     def signal(self) -> Signal:
-        """The samples; in bags of this package from the first to the last event."""
+        """The samples. In bags of this package, they last from the first to the last event."""
         assert self.load_signal is not None
         return self.load_signal()
 
     @cached_property
     def answers(self) -> tuple[WindowPrediction, ...]:
-        """The recorded classifications, in bags of this package."""
+        """The recorded classifications, for bags of this package."""
         return self.load_answers()
 
     @property
@@ -110,7 +112,7 @@ class Trial:
 
 
 def mean_period_s(time_s: NDArray[np.float64] | None) -> float | None:
-    """Return the mean time between consecutive samples without pauses [s]; None if unknown."""
+    """Return the mean time between consecutive samples, except for pauses [s]; None if unknown."""
     if time_s is None or len(time_s) < 2:
         return None
     steps = np.diff(time_s)

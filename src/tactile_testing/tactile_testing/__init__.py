@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Helpers and fixtures of the tests of several packages; no program imports them."""
+"""Helpers and fixtures that the tests of several packages use. No program imports them."""

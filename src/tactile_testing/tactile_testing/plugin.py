@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plugin of pytest: fixtures of several packages, and the surroundings of programs under test.
+"""Pytest plugin: fixtures for several packages, and the environment of programs under test.
 
-Each package names it in ``setup.cfg``, so that ``colcon test`` and ``pytest`` load it alike.
-Programs have a ROS domain of this process's own, and hear Ctrl-C.
+``setup.cfg`` of each package names this plugin, so both ``colcon test`` and ``pytest`` load it.
+The programs under test run in a ROS domain that only this process uses, and react to Ctrl-C.
 """
 
 import gc
@@ -14,11 +14,12 @@ import signal
 from hypothesis import settings
 import pytest
 
-# An example that takes long on a busy computer is not wrong.
+# On a busy computer, an example may take long. This is not a failure.
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
 
-# A script's background ignores Ctrl-C, and nohup a closed terminal; programs would inherit it.
+# If the tests run in the background of a script, this process ignores Ctrl-C. With nohup, it
+# ignores a closed terminal. The programs under test would inherit this, so it is undone here.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
@@ -26,7 +27,7 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 
 
 def pytest_configure(config):
-    """Let a test fail if a thread ends with an exception."""
+    """Make a test fail if one of its threads ends with an exception."""
     failing = 'error::pytest.PytestUnhandledThreadExceptionWarning'
     config.addinivalue_line('filterwarnings', failing)
 
@@ -42,7 +43,7 @@ def pytest_collection_finish():
 
 @pytest.fixture(scope='session', autouse=True)
 def domain_of_programs():
-    """Isolate the programs of one test process from other test processes."""
+    """Isolate the programs under test from the programs of other test processes."""
     try:
         from domain_coordinator import domain_id
     except ImportError:  # without ROS
@@ -55,7 +56,7 @@ def domain_of_programs():
 
 @pytest.fixture
 def parameter_file(tmp_path):
-    """Return a function that writes a file of parameters and returns its path."""
+    """Return a function that writes a parameter file and returns its path."""
 
     def write(text):
         path = tmp_path / 'params.yaml'

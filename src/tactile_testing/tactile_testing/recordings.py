@@ -7,10 +7,11 @@ import numpy as np
 
 
 def check_source(load):
-    """Check what every source of trials keeps; ``load`` opens the same recording each time.
+    """Check the rules that every source of trials must keep.
 
-    Loading twice gives the same trials. Each trial that counts has a label and a finite signal
-    with rising times, which is read once; arrays and the long table hold the same trials.
+    ``load`` must open the same recording each time. The rules are: loading twice gives the same
+    trials. Each trial that is not excluded has a label, and a finite signal with increasing times.
+    The signal is read only once. The arrays and the long table contain the same trials.
     """
     with load() as recording, load() as again:
         assert recording.trials

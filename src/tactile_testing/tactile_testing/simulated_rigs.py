@@ -1,36 +1,37 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requests of tests to a simulated rig."""
+"""Helpers for tests with a simulated rig."""
 
 import serial
 
 from tactile_testing.waiting import DEADLINE_S, wait_until
 
 PATIENT = {'heartbeat_timeout_s': 10.0, 'strain_timeout_s': 1.5}
-"""Parameters of a trial runner that bears a computer whose cores are busy."""
+"""Parameters of a trial runner for tests on a busy computer: messages may arrive late."""
 
 GUARD = {'guard_timeout_s': 2.0}
-"""The same of the tendon actuator: a busy computer holds samples back."""
+"""Parameters of the tendon actuator for tests on a busy computer: samples may arrive late."""
 
 
 def let_servos_pause(monkeypatch):
-    """Let a simulated servo be silent for about 1 s: its process may wait for a core.
+    """Accept that a simulated servo does not answer for about 1 s.
 
-    How soon a servo counts as silent is tested with the driver. Where a trial is tested, such a
-    wait is no fault. `tactile trials` runs a trial again that ended so.
+    On a busy computer, the process of the servo may wait for a core. In a test of a trial, this is
+    not a fault. The tests of the driver check after which time a servo counts as silent. If a
+    trial ends because of a silent servo, `tactile trials` repeats it.
     """
     monkeypatch.setattr('linear_guide_driver.dynamixel.servo_monitor.FAILED_POLLS', 25)
     monkeypatch.setattr('linear_guide_driver.dynamixel.bus.ATTEMPTS', 20)
 
 
 def home_fast(rig):
-    """Let the guide home at its top speed."""
+    """Set the homing speed of the guide to its highest speed."""
     home_at(rig, slow_mm_min=1000, fast_mm_min=6000)
 
 
 def home_at(rig, slow_mm_min, fast_mm_min):
-    """Let the guide home at these speeds: settings 24 and 25 of Grbl, kept when it restarts."""
+    """Set the homing speeds of the guide: settings $24 and $25 of Grbl, which a restart keeps."""
     with serial.Serial(rig.ports.guide, 115200, timeout=DEADLINE_S) as port:
         port.write(f'$24={slow_mm_min}\n$25={fast_mm_min}\n'.encode())
         said = port.read_until(b'ok\r\nok\r\n')
@@ -38,20 +39,21 @@ def home_at(rig, slow_mm_min, fast_mm_min):
 
 
 def advance_rig(rig, seconds):
-    """Let some of the rig's time pass; return its truth then."""
+    """Wait until the simulated time has advanced by ``seconds``; return the state of the rig."""
     until_s = rig.truth()['time_s'] + seconds
 
     def truth_then():
         truth = rig.truth()
         return truth if truth['time_s'] >= until_s else None
 
-    return wait_until(truth_then, 'the rig stands still')
+    return wait_until(truth_then, 'the simulated time does not advance')
 
 
 def truth_at_rest(rig):
-    """Wait until neither guide nor tendon moves by 1 µm in 0.1 s; return the rig's truth.
+    """Wait until guide and tendon move by less than 1 µm in 0.1 s; return the state of the rig.
 
-    A tendon without torque goes slack ever more slowly, and is still for no two looks.
+    Exactly equal positions would never be reached: without torque, a tendon slackens more and more
+    slowly.
     """
     keys = ('time_s', 'guide_position_m', 'tendon_displacement_m')
     looks = [rig.truth()]

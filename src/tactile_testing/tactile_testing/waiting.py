@@ -1,19 +1,20 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Waiting in tests: always for a condition, never for time to pass."""
+"""Waiting in tests. Tests always wait for a condition, never for a fixed time."""
 
 import os
 import time
 
 DEADLINE_S = 20.0
-"""Far more than anything needs, and less than the 30 s after which a tendon slackens anyway."""
+"""Much longer than any condition needs, but shorter than the 30 s after which a tendon slackens
+by itself."""
 
 
 def read_stderr():
-    """Return all that has come on standard error under pytest's ``capfd``, and leave it there.
+    """Return the whole text on standard error that pytest's ``capfd`` has captured, and keep it.
 
-    ``capfd.readouterr`` loses what another thread writes while it empties the file.
+    ``capfd.readouterr`` empties the file, and loses text that another thread writes meanwhile.
     """
     return os.pread(2, 2**20, 0).decode(errors='replace')
 
@@ -28,9 +29,9 @@ def wait_until(
     """Return the first true value of a condition; fail after a time-out.
 
     ``condition`` is called repeatedly. ``what`` is the error message after the time-out, or a
-    function that returns it. Give ``timeout_s`` if the time is tested, or if whole programs have
-    to start. ``step`` is called between two checks, for example to spin an executor once.
-    ``poll_s`` is the pause between two checks.
+    function that returns it. Set ``timeout_s`` only if the test is about time, or if programs have
+    to start. ``step`` is called between two checks, for example to spin an executor once. If it is
+    None, the pause between two checks is ``poll_s``.
     """
     deadline_s = time.monotonic() + timeout_s
     while not (found := condition()):

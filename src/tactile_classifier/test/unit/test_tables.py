@@ -119,7 +119,7 @@ def test_cells_are_label_and_conditions_without_numbering_columns():
     labels = np.repeat(['a', 'b'], 12)
     cells = find_cells(make_table(labels, speed=speed, force=force, **numbers))
     assert cells.columns == ('speed', 'force')
-    assert '24 trials form 8 groups of the same label and speed and force' in cells.warning
+    assert '24 trials form 8 groups with the same label and speed and force' in cells.warning
     means, sizes = cells.average(np.arange(24.0))
     assert sizes.tolist() == [3] * 8
     assert means == pytest.approx(np.arange(24.0).reshape(8, 3).mean(axis=1))
@@ -179,7 +179,7 @@ def make_near_copies(noise, step):
 def test_random_folds_over_near_copies_say_so():
     table = make_near_copies(0.01, 0.0)
     found = evaluate(table, ['tree'], ['none'], repetitions=1)
-    assert any('repeats of training trials' in warning for warning in found.warnings)
+    assert any('test trials repeat training trials' in warning for warning in found.warnings)
     held_out = evaluate(table, ['tree'], ['none'], hold_out=['session_id'])
     assert not held_out.warnings
     assert held_out.scores[0].mean < found.scores[0].mean
