@@ -19,8 +19,9 @@ from tactile_classifier.evaluation.intervals import accuracy_interval, Interval,
 class Ranking(NamedTuple):
     """Ranks of the trials of one label among trials of the known labels, in one fold.
 
-    ``is_new``, shape (trials,), marks the trials of the label. ``placement``, shape (trials,), is
-    the share of the trials on the other side that the trial is ranked correctly against [1].
+    ``is_new``, shape (trials,), is True for the trials of the label. For a trial of the label,
+    ``placement``, shape (trials,), is the fraction of known trials with a lower novelty; for a
+    known trial, it is the fraction of trials of the label with a higher novelty [1].
     """
 
     label: str
@@ -36,7 +37,7 @@ class Ranking(NamedTuple):
 def rank_novelty(
     label: str, is_new: npt.NDArray[np.bool_], novelty: npt.NDArray[np.float64]
 ) -> Ranking:
-    """Return the ranking of the trials of a fold by their novelty; equal pairs count half."""
+    """Rank the trials of a fold by their novelty. A pair with equal novelties counts half."""
     placement = np.empty(len(novelty))
     placement[is_new] = _share_below(novelty[~is_new], novelty[is_new])
     placement[~is_new] = 1.0 - _share_below(novelty[is_new], novelty[~is_new])
@@ -46,21 +47,22 @@ def rank_novelty(
 def _share_below(
     others: npt.NDArray[np.float64], values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return the share of the others that lie below each value; equal ones count half."""
+    """Return the fraction of ``others`` below each value; an equal one counts half."""
     ordered = np.sort(others)
     ranks = np.searchsorted(ordered, values) + np.searchsorted(ordered, values, side='right')
     return np.asarray(ranks / (2.0 * len(others)))
 
 
 def auroc_interval(folds: Sequence[Sequence[Ranking]], groups_are: str = '') -> Interval:
-    """Return the 95 % interval of the mean AUROC over the rankings of all folds.
+    """Compute the 95 % interval of the mean AUROC over the rankings of all folds.
 
-    With held-out groups, the parts are the folds, as in `accuracy_interval`. A bootstrap over
-    groups covers less: 76, 82 and 90 % with three, five and ten groups, instead of 95 %.
+    If groups are held out, the interval is over the folds, with the method of
+    `accuracy_interval`. A bootstrap over groups would have a lower coverage: 76, 82 and 90 % with
+    three, five and ten groups, instead of 95 %.
 
-    With random folds, trials are independent, and the variance is the one of DeLong, DeLong and
-    Clarke-Pearson (1988): a sum over trials, in which the placements of a trial in several
-    rankings are added before they are squared.
+    If folds are random, trials are independent, and the variance of DeLong, DeLong and
+    Clarke-Pearson (1988) is used. It is a sum over trials. If a trial is in several rankings, its
+    placements are added before they are squared.
 
     Both intervals ignore the variation of the training.
 
@@ -78,7 +80,7 @@ def auroc_interval(folds: Sequence[Sequence[Ranking]], groups_are: str = '') -> 
     by_label: defaultdict[str, list[Ranking]] = defaultdict(list)
     for ranking in (ranking for rankings in folds for ranking in rankings):
         by_label[ranking.label].append(ranking)
-    # A fold may test one trial of a label, so that deviations are from the mean of all folds.
+    # A fold may test only one trial of a label, so deviations from the mean of all folds are used.
     means_of = {
         label: np.mean(np.concatenate([each.placement[each.is_new] for each in found]))
         for label, found in by_label.items()

@@ -51,12 +51,13 @@ class Score(Result):
     spread : float
         Standard deviation over the groups or repetitions in ``spread_of`` [1].
     spread_of : str
-        ``repetitions`` (of their mean accuracies) or ``groups`` (each held out once).
+        ``repetitions``: the spread is over their mean accuracies. ``groups``: the spread is over
+        the accuracies of the held-out groups.
     interval : Interval
-        Interval of the mean, over held-out groups. Without groups, it is over cells of repeats if
-        there are any, and otherwise over trials.
+        Interval of the mean. If groups are held out, it is over groups. Otherwise, it is over
+        cells of repeated conditions if there are any, and over trials if there are none.
     confusion : ndarray of int, shape (labels, labels)
-        Counts over all repetitions; row: true label, column: prediction.
+        Numbers of predictions over all repetitions. Rows are true labels, columns predictions.
     """
 
     classifier: str
@@ -103,7 +104,7 @@ class Evaluation(Result):
     chance : float
         Accuracy of always predicting the most frequent label [1].
     warnings : tuple of str
-        Objections to these numbers by the columns of the table, one sentence each.
+        Reasons why these numbers may be misleading, found in the table; one sentence each.
     """
 
     split: str
@@ -136,10 +137,10 @@ class AccuracyPlan:
         self._split = split
         self._pairs = list_pairs(table, classifiers, scalings)
         for pair in self._pairs:
-            build_estimator(*pair)  # raise errors of names here, not in a worker
+            build_estimator(*pair)  # if a name is invalid, the error is raised here
 
     def tasks(self) -> list[Task]:
-        """Return one task per classifier, scaling and repetition."""
+        """Return one task for each classifier, scaling and repetition."""
         table = self._table
         return [
             (predict_folds, (*pair, table.values, table.labels, folds, table.channels))
@@ -205,8 +206,9 @@ def make_score(
 
 
 def find_tested_cells(table: FeatureTable, split: Split) -> Cells | None:
-    """Return the cells of repeats that a split tests, otherwise of copies.
+    """Return the cells of repeated conditions among the tested trials.
 
+    If no condition is repeated, but there are copies, each cell contains a trial and its copies.
     Returns None if the split holds out groups, or if all trials are independent.
     """
     if split.groups is not None:
@@ -266,7 +268,7 @@ def evaluate(
     classifiers, scalings : sequence of str
         All combinations are evaluated. Default: the combinations of `list_pairs`.
     folds, repetitions : int
-        Number of stratified folds, and how often the trials are divided.
+        Number of stratified folds, and number of repetitions with other folds.
     hold_out : sequence of str
         Columns that define groups. If given, each group is held out once, and ``folds`` and
         ``repetitions`` are ignored.
@@ -278,7 +280,7 @@ def evaluate(
     Raises
     ------
     EvaluationError
-        If the trials do not allow the split.
+        If the split is impossible with these trials.
     """
     if hold_out:
         split = grouped_split(table, hold_out)

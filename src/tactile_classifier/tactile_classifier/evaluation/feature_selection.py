@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracy with only the features with the lowest mean rank-sum p (section IV).
+"""Accuracy with only the most significant features, by mean rank-sum p (section IV).
 
-Ranking and number of features are chosen on the training trials of each fold only, so that the
+In each fold, the ranking and the number of features are chosen on the training trials only, so the
 choice does not use test trials.
 """
 
@@ -44,10 +44,11 @@ Matrix = npt.NDArray[np.float64]
 class SelectionResult(Result):
     """Comparison of a classifier with all features, and with selected features.
 
-    ``chosen_counts`` holds the number of selected features in each fold. ``all_mean`` and
-    ``selected_mean`` are the accuracies [1]. ``difference`` is the interval of the second minus
-    the first, paired over trials or held-out groups. ``p`` is the p-value of no difference, with
-    Holm's correction for all classifiers and scalings of the split.
+    ``chosen_counts`` contains the number of selected features in each fold. ``all_mean`` and
+    ``selected_mean`` are the accuracies with all and with selected features [1]. ``difference`` is
+    the interval of ``selected_mean`` minus ``all_mean``, paired over trials or held-out groups.
+    ``p`` is the p-value of the hypothesis that there is no difference, with Holm's correction for
+    all classifiers and scalings of the split.
     """
 
     classifier: str
@@ -159,10 +160,10 @@ def compare_selection(
     counts: Sequence[int],
     strata: npt.NDArray[np.intp] | None = None,
 ) -> list[FoldSelection]:
-    """Compare all features with selected features in one fold, per classifier and scaling.
+    """Compare all features with selected features in one fold, for each classifier and scaling.
 
-    The number of features with the best accuracy over the inner folds is used; in case of ties,
-    the smallest.
+    The number of features with the best accuracy over the inner folds is used. If several numbers
+    have the same accuracy, the smallest is used.
     """
     train, _ = fold
     strata = np.zeros(len(labels), dtype=np.intp) if strata is None else strata

@@ -17,8 +17,9 @@ LEVEL = 0.95
 """Nominal coverage of the intervals [1]."""
 
 COVERAGE_WITH_TRAINING = (0.84, 0.95)
-"""Minimum and maximum measured coverage of intervals over held-out groups [1]. It is below the
-nominal coverage, because the folds share most of their training trials; see docs/evaluation.md."""
+"""Minimum and maximum of the measured coverage of intervals over held-out groups [1]. The coverage
+is below the nominal one, because the folds share most of their training trials; see
+docs/evaluation.md."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,10 +41,10 @@ def _to_plain(value: Any) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class Interval(Result):
-    """A 95 % interval, or the reason why there is none.
+    """A 95 % interval, or the reason why there is no interval.
 
-    ``low`` and ``high`` are 0 if there is a ``reason``, which is None otherwise. ``method`` is the
-    name of the method and of the independent parts.
+    If ``reason`` is not None, ``low`` and ``high`` are 0. ``method`` describes the method and the
+    independent parts.
     """
 
     low: float
@@ -61,20 +62,22 @@ class Interval(Result):
 def accuracy_interval(
     parts: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
 ) -> Interval:
-    """Return the interval of a mean accuracy, from the accuracies of trials, cells or groups [1].
+    """Compute the interval of a mean accuracy from the accuracies of trials, cells or groups [1].
 
-    The score interval of Wilson with the effective number of trials that the spread between the
-    parts implies, and the quantile of Student's t with one degree of freedom less than there are
-    parts (the modified Wilson interval of Dean and Pagano 2015 for clustered samples). It accounts
-    for the choice of tested parts, but not for the variation of the training: see
+    This is the modified Wilson interval of Dean and Pagano (2015) for clustered samples: the score
+    interval of Wilson, with two changes. The number of trials is replaced by the effective number
+    that follows from the spread between the parts. The quantile is that of Student's t; if all
+    parts have equal weights, it has one degree of freedom less than there are parts. The interval
+    accounts for the choice of the tested parts, but not for the variation of the training: see
     `COVERAGE_WITH_TRAINING`.
 
-    If all parts are completely correct, or completely wrong, the exact binomial interval over the
-    parts is used. Each group counts as one trial, so the interval is valid even if all trials of a
-    group have equal results. For other parts without spread there is no interval.
+    If all parts are completely correct, or all are completely wrong, the exact binomial interval
+    over the parts is used. Each group then counts as one trial, so the interval is valid even if
+    all trials of a group always have equal results. If all parts have the same accuracy between 0
+    and 1, there is no interval.
 
-    ``parts_are`` is the name of the parts, such as ``trials`` or ``groups``. ``weights`` are the
-    numbers of trials in the parts, if the mean is over trials.
+    ``parts_are`` is the name of the parts, such as ``trials`` or ``groups``. If the mean is over
+    trials, ``weights`` contains the number of trials in each part.
     """
     values, share = _shares(parts, weights)
     count, mean = len(values), float(share @ values)
@@ -93,7 +96,7 @@ def accuracy_interval(
 def wilson_interval(mean: float, variance: float, freedom: float, method: str) -> Interval:
     """Return the score interval of a mean between 0 and 1 whose estimated variance is known.
 
-    ``freedom`` are the degrees of freedom of the variance, which is above zero.
+    ``freedom`` is the number of degrees of freedom of the variance. The variance must be above 0.
     """
     # Number of independent trials that would give this variance of the mean.
     effective = mean * (1.0 - mean) / variance
@@ -119,9 +122,10 @@ def difference_interval(
 def difference_p_value(
     differences: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
 ) -> float:
-    """Return the two-sided p-value of no mean difference; see `difference_interval`.
+    """Return the two-sided p-value of the hypothesis that the mean difference is zero.
 
-    It is below 0.05 if and only if the interval excludes zero, and 1 if there is no interval.
+    It is below 0.05 if and only if `difference_interval` excludes zero. If there is no interval,
+    it is 1.
     """
     values, share = _shares(differences, weights)
     if np.ptp(values) == 0.0:
@@ -149,9 +153,10 @@ def _spread(
 ) -> tuple[float, float]:
     """Return the variance of the weighted mean and its degrees of freedom.
 
-    Without bias, and with Satterthwaite's degrees of freedom, for parts of equal variance (Bell
-    and McCaffrey 2002); with equal shares these are Student's. A part with a large share pulls the
-    mean towards itself, so that its residual is too small.
+    If the parts have equal variances, the estimate has no bias. The degrees of freedom are those
+    of Satterthwaite (Bell and McCaffrey 2002); if all weights are equal, they are those of
+    Student's t. A part with a large weight pulls the mean towards itself, so its residual is too
+    small; this is corrected.
     """
     residuals = values - share @ values
     squares = float(share @ share)

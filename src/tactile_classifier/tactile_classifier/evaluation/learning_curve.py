@@ -28,7 +28,8 @@ MOST_POINTS = 6
 """Largest number of points of a curve."""
 
 MOST_FITS = 150
-"""Largest number of trained models, except that each test group and point has at least one."""
+"""Largest number of trained models. It may be exceeded, because each test group and point needs at
+least one model."""
 
 MOST_DRAWS = 10
 """Largest number of random choices of training groups for each test group and point."""
@@ -39,7 +40,7 @@ SMALL_GAIN = 0.02
 
 @dataclasses.dataclass(frozen=True)
 class LearningPoint(Result):
-    """Accuracy on held-out groups, trained on ``groups`` groups of each label.
+    """Accuracy on held-out groups of models that are trained on ``groups`` groups of each label.
 
     ``trials`` is the mean number of training trials, ``mean`` the mean accuracy over the held-out
     groups [1].
@@ -60,9 +61,11 @@ class LearningCurve(Result):
     group : str
         Name of the groups, such as ``session``.
     points : tuple of LearningPoint
-        By increasing number of groups; the last one has all groups but the tested one.
+        Points by increasing number of groups. The last point uses all groups except the tested
+        one.
     half : int
-        Number of groups of an earlier point, at most half of the groups of the last one.
+        Number of groups of the point with which the last point is compared: at most half of the
+        groups of the last point, if there is such a point.
     gain : float
         Accuracy of the last point minus accuracy of the point with ``half`` groups [1].
     gain_interval : Interval
@@ -80,7 +83,7 @@ class LearningCurve(Result):
 
     @property
     def needs_more(self) -> bool | None:
-        """Whether more groups will increase the accuracy; None if it is unknown."""
+        """True if more groups will probably increase the accuracy; None if this is unknown."""
         if self.gain_interval.reason:
             return None if self.gain else False
         if self.gain_interval.low > 0.0:
@@ -88,7 +91,7 @@ class LearningCurve(Result):
         return False if self.gain_interval.high < SMALL_GAIN else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields and the answer as what JSON can hold."""
+        """Return the fields and ``needs_more`` as a dictionary for JSON."""
         return {**super().to_dict(), 'needs_more': self.needs_more}
 
 
@@ -101,15 +104,15 @@ def measure_learning_curve(
 ) -> LearningCurve:
     """Return the learning curve of one classifier.
 
-    Each group is tested once. The groups to train on are drawn at random from the others: of
-    each label, the first n groups in random order that contain it. Where each group contains all
-    labels, these are the same n groups for all labels. scikit-learn's ``learning_curve`` draws
+    Each group is tested once. The training groups are drawn at random from the other groups. For
+    each label, these are the first n groups in a random order that contain the label. If each
+    group contains all labels, the same n groups are used for all labels. scikit-learn's ``learning_curve`` draws
     trials instead of groups.
 
     Parameters
     ----------
     columns : sequence of str
-        Trials that agree in these are a group.
+        Columns that define the groups: trials with equal values in them form a group.
 
     Raises
     ------
@@ -163,7 +166,10 @@ def _draw(
     name: str,
     random_state: int,
 ) -> dict[int, list[list[Fold]]]:
-    """Return folds by the number of training groups: for each tested group, one per draw."""
+    """Return a dictionary from the number of training groups to the folds.
+
+    For each tested group, there is a list with the distinct folds of all random draws.
+    """
     names, codes = np.unique(labels, return_inverse=True)
     contains = np.zeros((groups.max() + 1, len(names)), dtype=bool)
     contains[groups, codes] = True
@@ -181,7 +187,7 @@ def _draw(
     rng = np.random.default_rng(random_state)
     folds: dict[int, list[list[Fold]]] = {count: [] for count in counts}
     for test in tests:
-        # The same order for all counts, so that larger choices contain the smaller ones.
+        # All counts use the same order, so that larger choices contain the smaller ones.
         orders = [rng.permutation(len(contains)) for _ in range(draws)]
         for count, by_group in folds.items():
             found = dict[bytes, Fold]()

@@ -29,15 +29,16 @@ class ModelAccuracy(Result):
     Attributes
     ----------
     accuracy : float
-        Share of the trials whose label was predicted [1]. ``unknown`` and ``no answer`` count as
-        wrong.
+        Fraction of the trials whose label was predicted [1]. ``unknown`` and ``no answer`` count
+        as wrong.
     interval : Interval
-        Of the accuracy: over sessions if there are several, otherwise over trials.
+        Interval of the accuracy, over sessions if there are several, otherwise over trials.
     unknown_rate, no_answer_rate : float
-        Share of the trials with the prediction ``unknown``, or without features or finite scores
-        [1].
+        Fraction of the trials with the prediction ``unknown``, and fraction of the trials without
+        features or finite scores [1].
     answered_accuracy : float or None
-        Share of correct predictions among those that are labels [1]; None if there are none.
+        Fraction of correct predictions among the predictions that are labels [1]; None if no
+        prediction is a label.
     """
 
     accuracy: float
@@ -56,7 +57,7 @@ class AccuracyDifference(Result):
     difference : float
         Accuracy of B minus accuracy of A [1].
     interval : Interval
-        Of the difference, over sessions.
+        Interval of the difference, over sessions.
     only_a, only_b : int
         Trials whose label was predicted by only this model.
     p_value : float
@@ -116,7 +117,10 @@ def _interval_over_sessions(
     sessions: Names | None,
     interval: Callable[..., Interval],
 ) -> Interval | None:
-    """Return the interval of the mean over trials from session means; None: one session only."""
+    """Return the interval of the mean over trials, computed from the means of the sessions.
+
+    Returns None if there are fewer than two sessions.
+    """
     names, owner = np.unique([] if sessions is None else sessions, return_inverse=True)
     if len(names) < 2:
         return None

@@ -32,9 +32,10 @@ from tactile_classifier.evaluation.intervals import Interval, Result
 class UnknownLabel(Result):
     """Rejection of the trials of one label that was left out of the training.
 
-    ``auroc`` is the probability that a trial of it is more novel than one of a known label, mean
-    over the folds, and ``interval`` its interval (see `auroc_interval`). ``miss_rate`` is the
-    share of its trials that get the name of a known label [1].
+    ``auroc`` is the probability that a trial of this label is more novel than a trial of a known
+    label, averaged over the folds. ``interval`` is the interval of ``auroc`` (see
+    `auroc_interval`). ``miss_rate`` is the fraction of trials of this label that receive a known
+    label [1].
     """
 
     label: str
@@ -51,15 +52,16 @@ class OpenSetEvaluation(Result):
     Attributes
     ----------
     split, calibration_split : str
-        How trials were held out for testing, and among the others for calibration, in words.
+        Description of how trials were held out for testing, and how trials were held out from the
+        training trials for calibration.
     false_alarm_rate : float
-        Stated share of trials of known labels that may be rejected [1].
+        Requested fraction of trials of known labels that may be rejected [1].
     realised_false_alarm_rate : float
-        Share of held-out trials of known labels that were rejected [1].
+        Fraction of held-out trials of known labels that were rejected [1].
     group_false_alarm_rates : tuple of float
-        The same share for each fold [1].
+        ``realised_false_alarm_rate`` of each fold [1].
     accuracy : float
-        Share of right answers among the trials that were not rejected [1].
+        Fraction of correct predictions among the trials that were not rejected [1].
     auroc : float
         Mean over labels and folds [1]; ``auroc_interval`` is its interval.
     miss_rate : float
@@ -96,10 +98,10 @@ def evaluate_open_set(
     false_alarm_rate: float = 0.05,
     strict: bool = False,
 ) -> OpenSetEvaluation:
-    """Test each fold with models of the other folds, and each label as an unknown one.
+    """Test each fold with models that are fitted to the other folds, and each label as unknown.
 
-    Tested trials are used neither for fitting nor for calibration: threshold and probabilities
-    come from folds inside the training trials.
+    Tested trials are used neither for fitting nor for calibration: the threshold and the
+    probabilities are computed from folds inside the training trials.
 
     Parameters
     ----------
@@ -143,7 +145,7 @@ def evaluate_open_set(
     rejected, right, before, after, true, unknown, splits = zip(*folds, strict=True)
     all_true, all_right = np.concatenate(true), np.concatenate(right)
     kept = ~np.concatenate(rejected)
-    # Folds of repeats hold out near copies together, so that their trials are not independent.
+    # Folds of repeated conditions hold out similar trials together: these are not independent.
     groups_are = '' if outer.split.startswith(RANDOM) else 'held-out folds'
     found = tuple(_pool_unknown(str(label), unknown, outer.split, groups_are) for label in labels)
     rankings = [[each.ranking for each in fold.values()] for fold in unknown]

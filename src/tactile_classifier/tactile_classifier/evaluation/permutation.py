@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracy on permuted labels, with the same folds as the accuracy to compare with."""
+"""Accuracy on permuted labels, with the same folds as the accuracy that is compared with it."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ PERMUTATIONS = 20
 class PermutationBaseline(Result):
     """Accuracy of a classifier on permuted labels.
 
-    ``mean`` and ``largest`` are computed over the permutations [1]. ``p_value`` is the fraction of
-    permutations that reach the accuracy on the true labels, which count as one permutation
-    (Phipson and Smyth 2010) [1].
+    ``mean`` and ``largest`` are the mean and the largest accuracy over the permutations [1].
+    ``p_value`` is the fraction of permutations that reach the accuracy on the true labels [1]. The
+    true labels count as one permutation (Phipson and Smyth 2010).
     """
 
     classifier: str
@@ -46,8 +46,9 @@ def measure_permutation(
 ) -> PermutationBaseline:
     """Return the baseline of one classifier, with the first repetition of a split.
 
-    Labels are permuted within the held-out groups, so that each group keeps its number of trials
-    of each label (as in scikit-learn's ``permutation_test_score``), or see `permute_labels`.
+    Labels are permuted within the held-out groups, as in scikit-learn's
+    ``permutation_test_score``, so each group keeps its number of trials of each label. If each
+    group has only one label, see `permute_labels`.
     """
     split = split.once()
     (folds,) = split.repeats
@@ -76,10 +77,10 @@ def measure_permutation(
 def permute_labels(
     labels: npt.NDArray[np.str_], groups: npt.NDArray[np.intp], rng: np.random.Generator
 ) -> npt.NDArray[np.str_]:
-    """Return the labels, permuted within the groups.
+    """Return the labels, permuted within each group.
 
-    Groups of one label each, such as specimens, have nothing to permute: their labels are permuted
-    among the groups.
+    If each group has only one label, as specimens have, there is nothing to permute within groups.
+    In this case, the labels of the groups are permuted.
     """
     first = np.unique(groups, return_index=True)[1]
     if len(first) > 1 and (labels[first][groups] == labels).all():

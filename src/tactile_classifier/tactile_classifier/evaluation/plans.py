@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Several analyses as one list of tasks, for one pool of workers and one progress bar."""
+"""Run several analyses as one list of tasks, with one pool of workers and one progress bar."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Task = tuple[Callable[..., Any], tuple[Any, ...]]
 """A function and its arguments."""
 
 INTERRUPTED_S = 10.0
-"""Longest wait for running parts after an interrupt [s]."""
+"""After an interrupt, longest time to wait for running tasks [s]."""
 
 
 class Plan(Protocol[Result]):
@@ -65,9 +65,10 @@ def run_plans(
 ) -> list[Any]:
     """Run the tasks of all plans; return the results of the plans in their order.
 
-    joblib uses threads unless `joblib.parallel_config` says otherwise: most of the time is spent
-    in compiled code, and processes would need seconds to import it. Linear algebra uses one thread
-    meanwhile, because its threads would compete with the pool.
+    joblib uses threads, unless `joblib.parallel_config` selects another backend. Most of the time
+    is spent in compiled code, which threads can run in parallel; processes would need seconds to
+    import it. Meanwhile, linear algebra uses one thread, because more threads would compete with
+    the pool.
 
     ``jobs`` is the number of workers as in joblib; -1 uses all cores. ``progress(done, total)`` is
     called after each task.
@@ -93,7 +94,7 @@ def run_plans(
 
 
 def _run(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """Run one task without scikit-learn's parameter checks, which are slower than a small fit."""
+    """Run a task without parameter checks of scikit-learn, which can take longer than a fit."""
     with sklearn.config_context(skip_parameter_validation=True):
         return function(*arguments)
 
@@ -101,11 +102,11 @@ def _run(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
 def _end_pool(coming: Generator[Any, None, None], before: set[threading.Thread]) -> None:
     """End joblib's generator, and wait for its threads.
 
-    Python kills daemon threads when it exits; a thread that is in C++ code then aborts the
-    process.
+    When Python exits, it kills daemon threads. If a thread is in C++ code at that time, the
+    process aborts.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter('ignore')  # joblib warns of cancelled parts
+        warnings.simplefilter('ignore')  # joblib warns of cancelled tasks
         coming.close()
     until_s = time.monotonic() + INTERRUPTED_S
     for thread in set(threading.enumerate()) - before:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reliability of held-out probabilities: stated probability against share of right answers."""
+"""Reliability of held-out probabilities: comparison of stated probabilities with accuracy."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from tactile_classifier.estimators.classifiers import RANDOM_STATE
 from tactile_classifier.evaluation.intervals import accuracy_interval, Interval, Result
 
 DRAWS = 200
-"""Random draws for the calibration error of perfect probabilities."""
+"""Number of random draws that estimate the calibration error of perfect probabilities."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ReliabilityBin(Result):
-    """Answers whose probability lies in one bin.
+    """Predictions whose probability is in one bin.
 
-    ``stated`` is their mean probability, ``right`` the share of right answers and ``interval`` its
-    interval, which counts trials as independent [1].
+    ``stated`` is the mean of their probabilities, and ``right`` the fraction that is correct [1].
+    ``interval`` is the interval of ``right``; it assumes that trials are independent.
     """
 
     trials: int
@@ -44,21 +44,21 @@ class ReliabilityBin(Result):
 
 @dataclasses.dataclass(frozen=True)
 class Reliability(Result):
-    """Calibration of the probabilities of the answers on held-out trials.
+    """Calibration of the probabilities of predictions on held-out trials.
 
     Attributes
     ----------
     split : str
-        How the trials were held out, in words.
+        Description of how the trials were held out.
     trials : int
         Number of held-out trials.
     error : float
         Expected calibration error over ten bins of equal width [1].
     chance_error : float
-        Mean of this error for the same number of trials and perfectly calibrated probabilities
-        [1].
+        Mean of this error if the same probabilities were perfectly calibrated, for the same number
+        of trials [1].
     bins : tuple of ReliabilityBin
-        The bins that contain answers, by increasing probability.
+        The bins that contain predictions, by increasing probability.
     """
 
     classifier: str
@@ -77,12 +77,12 @@ def measure_reliability(
     scaling: str = '',
     split: str = '',
 ) -> Reliability:
-    """Return the reliability of the probabilities of some answers.
+    """Measure the reliability of the probabilities of some predictions.
 
     Parameters
     ----------
     stated : ndarray of shape (trials,)
-        Probability of each answer [1].
+        Probability of each prediction [1].
     is_right : ndarray of bool, shape (trials,)
     classifier, scaling, split : str
         See `Reliability`.
@@ -115,8 +115,8 @@ def cross_validate_reliability(
 ) -> Reliability:
     """Return the reliability of one classifier on held-out folds.
 
-    Scores come from models of the other folds, and their map to probabilities from the held-out
-    scores of the other folds, as on a model card.
+    As for a model card, the scores of a fold are computed by a model that is fitted to the other
+    folds, and the calibration is fitted to the held-out scores of the other folds.
 
     Parameters
     ----------

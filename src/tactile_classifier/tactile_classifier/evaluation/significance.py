@@ -29,20 +29,20 @@ class RankSum:
     labels : tuple of str
         Sorted classes, in the order of the rows and columns of ``p``.
     p : ndarray of shape (k, classes, classes)
-        Two-sided p-value per feature and pair; symmetric, with 1 on the diagonal.
+        Two-sided p-value of each feature and pair; symmetric, with 1 on the diagonal.
     mean_p : ndarray of shape (k,)
-        Mean over the pairs of different classes, the significance measure of the paper. Low if the
-        feature distinguishes most pairs.
+        Mean p-value over the pairs of different classes: the significance measure of the paper. It
+        is low if the feature distinguishes most pairs.
     auc : ndarray of shape (k, classes, classes)
-        Effect size: probability that a trial of the row's class has a larger value than a trial
-        of the column's class in the same stratum, ties counted half [1]. 0.5 on the diagonal and
-        for classes that share no stratum. Cliff's delta is ``2 * auc - 1``.
+        Effect size: probability that a trial of the row's class has a larger value than a trial of
+        the column's class in the same stratum [1]. A tie counts half. The value is 0.5 on the
+        diagonal, and for classes that have no common stratum. Cliff's delta is ``2 * auc - 1``.
     strata : int
-        Number of sessions within which trials were compared; 1 without sessions.
+        Number of sessions within which trials were compared; 1 if there are no sessions.
     counts : tuple of int
-        Number of tested values of each class: units, or trials if these are independent.
+        Number of tested values of each class: number of units, or of trials if there are no units.
     least_p : float
-        Smallest p-value possible with these numbers of values; maximum over the pairs.
+        Smallest p-value that is possible with these numbers of values; maximum over the pairs.
     """
 
     labels: tuple[str, ...]
@@ -70,10 +70,10 @@ def rank_sum_p_values(
     """Return the p-values of Wilcoxon's rank-sum test for all pairs of classes and all features.
 
     The test assumes independent values, but trials of one mounting are not independent. If
-    ``units`` are given, the means of units are tested instead of single trials. If plates are
-    mounted once per session, tests of single trials find p < 0.05 in 24 to 53 % of the pairs
-    without any effect of the label (ten trials per mounting; standard deviation between mountings
-    0.5 to 2 times the standard deviation between trials).
+    ``units`` are given, the means of units are tested instead of single trials. For example, let
+    plates be mounted once per session, with ten trials per mounting, and let the label have no
+    effect. If the standard deviation between mountings is 0.5 to 2 times that between trials,
+    tests of single trials then find p < 0.05 in 24 to 53 % of the pairs.
 
     The normal approximation is used, with corrections for ties and continuity, as in
     ``scipy.stats.mannwhitneyu(a, b, method='asymptotic')`` for each pair.
@@ -85,10 +85,11 @@ def rank_sum_p_values(
     diagonal were included, no average could be below 1 / number of classes. The mean is therefore
     computed over the pairs of different classes.
 
-    With strata, van Elteren's (1960) test is used: trials are only compared within their stratum,
-    and a stratum with n trials of the two classes has the weight 1 / (n + 1). Differences between
-    sessions then neither hide nor cause a difference between classes. The correction for
-    continuity is half the smallest weight. If two classes share no stratum, p is 1.
+    If ``strata`` are given, the test of van Elteren (1960) is used: trials are compared only
+    within their stratum, and a stratum with n trials of the two classes has the weight 1 / (n +
+    1). Differences between sessions then neither hide nor cause a difference between classes. The
+    correction for continuity is half of the smallest weight. If two classes have no common
+    stratum, p is 1.
 
     One sort per feature and stratum is sufficient for all pairs: ``c_b(x)`` is the number of
     values of class b below x plus half the number of equal values. ``U_ab`` is the sum of ``c_b``
