@@ -430,7 +430,7 @@ class BagRecorderNode(PollingNode):
         names = ', '.join(missing)
         if (time.monotonic_ns() - self._started_ns) * 1e-9 < self.config.match_timeout_s:
             return Health(WARN, f'waiting for a publisher of {names}', values)
-        message = f'no messages are recorded on {names}: there is no publisher; start its node'
+        message = f'no publisher of {names}: its messages are not recorded; start its node'
         if not self._has_said_missing:
             self._has_said_missing = True
             self.get_logger().error(message)

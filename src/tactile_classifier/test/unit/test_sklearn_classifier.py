@@ -220,7 +220,7 @@ def test_too_few_windows_are_a_warning_and_have_no_probabilities():
 
 def test_groups_that_cannot_be_held_out_are_a_warning():
     windows, labels, _ = make_windows(each=12)
-    with pytest.warns(UserWarning, match='one group only'):
+    with pytest.warns(UserWarning, match='only one group'):
         TactileClassifier(linear()).fit(windows, labels, groups=labels)
 
 
