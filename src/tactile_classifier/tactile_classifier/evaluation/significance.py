@@ -198,7 +198,7 @@ def _count_classes(index: IntArray, stratum: IntArray) -> tuple[IntArray, FloatA
     )
     pooled = sizes[:, :, None] + sizes[:, None, :]
     weights = np.where(sizes[:, :, None] * sizes[:, None, :] > 0, 1.0 / (pooled + 1.0), 0.0)
-    # With a single stratum the weight is 1, and the result is identical to SciPy's.
+    # If there is only one stratum, its weight is 1, and the result is identical to that of SciPy.
     return sizes, weights / np.maximum(weights.max(axis=0), 1e-300)
 
 

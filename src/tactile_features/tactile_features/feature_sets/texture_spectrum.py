@@ -100,7 +100,7 @@ def compute_spectrum(
     index = np.arange(n) - (n - 1) / 2.0
     square = n * (n * n - 1) / 12.0
     weight = np.sin(np.pi * np.arange(n) / n) ** 2 if window == 'hann' else None
-    # Without a window function, the mean affects only the component at 0 Hz.
+    # If there is no window function, the mean affects only the component at 0 Hz.
     is_raw = detrend == 'none' and weight is not None
     with np.errstate(over='ignore', invalid='ignore'):
         for at in range(0, len(rows), _BLOCK_WINDOWS):
