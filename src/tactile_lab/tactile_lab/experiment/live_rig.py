@@ -54,6 +54,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.lifecycle import MessageGuard
 from tactile_ros.qos import LATEST, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock
+from tactile_sim.errors import RigError
 from tactile_sim.rig_process import SimulatedRig
 
 WINDOW_TIMEOUT_S = 1.0
@@ -67,6 +68,11 @@ DEVICES_TIMEOUT_S = 3.0
 
 FEATURES_TIMEOUT_S = 5.0
 """Longest wait for the features of a trial after its end [s]."""
+
+SLACK_TIMEOUT_S = 5.0
+"""Longest wait for a slack tendon before a trial on the simulated rig [s].
+
+After a fault, the tendon driver holds the tendon for 2 s, then slackens it."""
 
 DEVICES = ('tendon_sensor', 'linear_guide', 'tendon_actuator')
 SETUP_NODES = (*DEVICES, 'trial_runner')
@@ -409,7 +415,9 @@ class LiveTrialBackend:
     @contextmanager
     def session(self, bag: Path) -> Iterator[Callable[[TrialOrder], TrialResult]]:
         try:
-            with live_rig(self.setup, bag, self.output) as self._rig:
+            with ExitStack() as stack:
+                with self._explained_load():
+                    self._rig = stack.enter_context(live_rig(self.setup, bag, self.output))
                 yield self.run_trial
         finally:
             if self._rig is not None:
@@ -426,13 +434,12 @@ class LiveTrialBackend:
         check_recording(rig.recorder)
         request = self.make_request(order)
         if self.setup.simulated_rig is not None:
-            self.setup.simulated_rig.mount(
-                request.protocol, request.object_label, request.contact, self.numbers(order)
-            )
+            mount(self.setup.simulated_rig, request, self.numbers(order))
         rig.observer.restart(is_on=True)
         try:
             rig.operator.publish_progress(order.number, order.count, request, order.following)
-            trial = rig.run(request)
+            with self._explained_load():
+                trial = rig.run(request)
             window, tension_n = rig.observer.end(order.trial_id)
         except StoppedError as error:  # stopped by a person, so it is not repeated automatically
             raise ExperimentError(str(error)) from error
@@ -441,6 +448,34 @@ class LiveTrialBackend:
             _save(rig.recorder)
         self.trials[order.trial_id] = trial
         return judge(trial, window, summarise_tension(tension_n), self.needs_features)
+
+    @contextmanager
+    def _explained_load(self) -> Iterator[None]:
+        """Add the load of this computer to an error, if it may have disturbed a simulated rig."""
+        try:
+            yield
+        except (StoppedError, ExperimentError):
+            raise
+        except TactileError as error:
+            if self.setup.simulated_rig is not None and (load := format_load()):
+                raise TactileError(f'{error} {load}') from error
+            raise
+
+
+def mount(rig: SimulatedRig, request: TrialRequest, numbers: tuple[int, int, int] | None) -> None:
+    """Put the object of a trial under the simulated finger, once the tendon is slack.
+
+    Raises `TactileError` when the rig still refuses after `SLACK_TIMEOUT_S`.
+    """
+    deadline_s = time.monotonic() + SLACK_TIMEOUT_S
+    while True:
+        try:
+            rig.mount(request.protocol, request.object_label, request.contact, numbers)
+            return
+        except RigError as error:
+            if time.monotonic() > deadline_s:
+                raise TactileError(str(error)) from error
+        time.sleep(0.1)
 
 
 def _save(recorder: Any) -> None:
@@ -524,10 +559,6 @@ def run_live_trials(
         with bench.session(bag) as run_trial:
             for session_id in progress.sessions_left():
                 loop.run_session(session_id, run_trial)
-    except TactileError as error:
-        if rig is not None and (burden := format_load()):
-            raise TactileError(f'{error} {burden}') from error
-        raise
     finally:
         kept = (progress.kept(trial.key) for trial in order)
         live += [bench.trials[attempt.trial_id] for attempt in kept if attempt]

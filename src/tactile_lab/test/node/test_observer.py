@@ -3,18 +3,21 @@
 
 """The observer only stores the required messages of a trial."""
 
+import os
 from types import SimpleNamespace
 
 import pytest
 
 from tactile_bringup.nodes.operator_node import StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.experiment import live_rig
 from tactile_lab.experiment.live_rig import LiveTrialBackend, ObserverNode
 from tactile_lab.experiment.loop import Operator, TrialOrder
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 from tactile_lab.output import Output
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.errors import TactileError
+from tactile_sim.errors import RigError
 
 PLANNED = PlannedTrial('t', 's', 1, 1, 'flexion', 'R1')
 
@@ -60,6 +63,50 @@ def test_a_trial_that_somebody_stopped_ends_the_loop(bench):
     bench.fail = stop
     with pytest.raises(ExperimentError, match='cancelled'):
         bench.run_trial(TrialOrder(PLANNED, 't', 'm', 1, 1))
+
+
+def test_object_is_mounted_once_the_driver_has_slackened_the_simulated_tendon(bench):
+    refusals = [RigError('the tendon is tightened by 4.9 mm')] * 3
+    mounted = []
+
+    def mount(*arguments):
+        if refusals:
+            raise refusals.pop()
+        mounted.append(arguments)
+
+    def fail(request):
+        raise TactileError('the servo is silent')
+
+    bench.fail = fail
+    bench.setup.simulated_rig = SimpleNamespace(mount=mount)
+    with pytest.raises(TactileError, match='the servo is silent'):
+        bench.run_trial(TrialOrder(PLANNED, 't', 'm', 1, 1))
+    assert mounted == [('texture', 'R1', 'flexion', None)]
+
+
+def test_tendon_of_a_simulated_rig_that_stays_taut_fails_the_trial(bench, monkeypatch):
+    def refuse(*_):
+        raise RigError('the tendon is tightened by 4.9 mm')
+
+    monkeypatch.setattr(live_rig, 'SLACK_TIMEOUT_S', 0.0)
+    bench.setup.simulated_rig = SimpleNamespace(mount=refuse)
+    with pytest.raises(TactileError, match=r'tightened by 4\.9 mm'):
+        bench.run_trial(TrialOrder(PLANNED, 't', 'm', 1, 1))
+
+
+@pytest.mark.parametrize('simulated_rig', [None, SimpleNamespace(mount=lambda *_: None)])
+def test_error_on_a_simulated_rig_states_that_the_computer_is_busy(
+    bench, monkeypatch, simulated_rig
+):
+    def fail(request):
+        raise TactileError('the servo is silent.')
+
+    bench.fail = fail
+    bench.setup.simulated_rig = simulated_rig
+    monkeypatch.setattr(os, 'getloadavg', lambda: (1000.0, 0.0, 0.0))
+    with pytest.raises(TactileError) as raised:
+        bench.run_trial(TrialOrder(PLANNED, 't', 'm', 1, 1))
+    assert ('load 1000.0' in str(raised.value)) == (simulated_rig is not None)
 
 
 def test_a_trial_is_run_once_more_and_not_twice():
