@@ -363,7 +363,7 @@ def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
         legend_below(figure, panels[0])
 
     marks = '; '.join(
-        f'{mark}: {name}' for mark, name in zip('◆●▼■', _split_names(results), strict=False)
+        f'{mark}: {name}' for mark, name in zip('◇○▽□', _split_names(results), strict=False)
     )
     best = '; '.join(
         f'{result.recordings.title}: best {format_percent(score.mean)}, {format_classifier(score)}'
