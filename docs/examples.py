@@ -13,6 +13,7 @@ from __future__ import annotations
 from contextlib import redirect_stdout
 import io
 import json
+import os
 from pathlib import Path
 import re
 from typing import Any
@@ -84,6 +85,7 @@ def build_page(script: Path, images: Path) -> str:
 
 
 def main() -> None:
+    os.environ.pop('TACTILE_DATA', None)  # pages show SIMULATED numbers only
     for script in sorted(FOLDER.glob('*.py')):
         script.with_suffix('.ipynb').write_text(build_notebook(script), 'utf-8')
         script.with_suffix('.md').write_text(build_page(script, IMAGES), 'utf-8')

@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # %%
-# # From file to label
+# # From CSV files to a label
 #
-# Classify one window of samples, without ROS. Replace the SIMULATED files by your own: `touches.npz` contains the training
-# trials ([how to make it](../your_data.md#recordings-of-others)), `touch.csv` one new window.
+# Read a folder of CSV files, train a model with its accuracy on held-out days, and classify a new file. No ROS.
+#
+# The files here are SIMULATED: one for each glide, with the columns `time_s` and `force_n`, in a folder for each day and label,
+# such as `lab/day1/rough/0.csv`. To use your own files, skip this cell and set `folder`
+# ([other forms of files](../your_data.md#recordings-of-others)).
 import tempfile
 from pathlib import Path
 
@@ -17,37 +20,97 @@ rng = np.random.default_rng(1)
 time_s = np.arange(180) / 60.0
 
 
-def touch(pitch_hz):
+def write_glide(path, pitch_hz):
     wave = np.sin(2 * np.pi * (pitch_hz * time_s + rng.random()))
-    return 3.0 + 0.05 * wave + rng.normal(0.0, 0.01, 180)
+    force_n = 3.0 + 0.05 * wave + rng.normal(0.0, 0.02, 180)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savetxt(path, np.column_stack([time_s, force_n]), '%.6f', ',', header='time_s,force_n', comments='')
 
 
-pitches = {'rough': 4.0, 'smooth': 9.0}
-x = [[touch(pitch)] for pitch in pitches.values() for _ in range(30)]
-np.savez(folder / 'touches.npz', x=x, label=np.repeat(list(pitches), 30), rate_hz=60.0)
-np.savetxt(folder / 'touch.csv', touch(9.0), header='tension_n')
-
-# %%
-# ## Train once
-from tactile_classifier import load_archive, table_from_trials, train, write_model
-
-table = table_from_trials('texture', load_archive(folder / 'touches.npz'))
-write_model(folder / 'texture.npz', train(table, 'knn'))
+for day in ('day1', 'day2', 'day3'):
+    for label, pitch_hz in (('coarse', 4.0), ('fine', 9.0)):
+        for number in range(10):
+            write_glide(folder / 'lab' / day / label / f'{number}.csv', pitch_hz)
 
 # %%
-# ## Classify
+# ## Load
 #
-# `tactile train` writes the same file, and the live classifier returns the same numbers for the same window.
+# The label and the day are the names of the folders. The notes state what was read, with the units.
+from tactile_analysis import Recording
+
+recording = Recording.load(folder / 'lab')
+trials = recording.to_arrays()
+X, y, day = trials.x[:, 0], trials.label, trials.columns['day']
+print(*recording.notes, sep='\n')
+print(X.shape, np.unique(y), np.unique(day), f'{trials.rate_hz:g} Hz')
+
+# %%
+# ## Look
+#
+# Check unit, length and contact of a few trials before you train.
+from matplotlib import pyplot as plt
+
+figure, axes = plt.subplots(1, 2, figsize=(8, 2.5), sharey=True, layout='constrained')
+for axis, label in zip(axes, np.unique(y)):
+    axis.plot(np.arange(X.shape[1]) / trials.rate_hz, X[y == label][0], linewidth=1)
+    axis.set(title=f'SIMULATED: {label}', xlabel='time [s]')
+axes[0].set_ylabel('force [N]')
+
+# %%
+# ## Accuracy on a new day
+#
+# Each day is held out once, so no test trial has a neighbour from its own day in the training.
+from sklearn.model_selection import LeaveOneGroupOut, cross_val_score
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+
+from tactile_features.estimators import TextureSpectrum
+
+pipe = make_pipeline(TextureSpectrum(rate_hz=trials.rate_hz), KNeighborsClassifier(3))
+scores = cross_val_score(pipe, X, y, groups=day, cv=LeaveOneGroupOut())
+print(f'{len(y)} trials, chance 50 %; accuracy of each held-out day in %:', 100 * scores)
+
+# %%
+# ## Train and save
+#
+# The held-out days also calibrate the probabilities and set the threshold for unknown objects.
+from tactile_classifier import TactileClassifier
+
+TactileClassifier(pipe).fit(X, y, groups=day).save(folder / 'texture.npz')
+
+# %%
+# ## Classify a new file
+#
+# `load_model` needs no scikit-learn. The classifier node loads the same file, and returns the same numbers for the same window.
+write_glide(folder / 'new.csv', 9.0)
+program = """
+import sys
+import numpy as np
+from tactile_classifier import load_model
+
+model = load_model('texture.npz')
+force_n = np.loadtxt('new.csv', delimiter=',', skiprows=1)[:, 1]
+prediction = model.classify(force_n, rate_hz=60)
+print(prediction.label, {label: round(p, 2) for label, p in prediction.probabilities.items()})
+print('scikit-learn was imported:', 'sklearn' in sys.modules)
+"""
+import subprocess
+import sys
+
+print(subprocess.run([sys.executable, '-c', program], cwd=folder, check=True, capture_output=True, text=True).stdout)
+
+# %%
+# ## Unknown objects
+#
+# A window unlike all training trials is unknown. `p_value` is the fraction of held-out known trials that are as novel.
 from tactile_classifier import load_model
 
 model = load_model(folder / 'texture.npz')
-answer = model.classify(np.loadtxt(folder / 'touch.csv'), rate_hz=60)
-print(answer.label, {label: round(p, 2) for label, p in answer.probabilities.items()})
-
-# %%
-# A window unlike all training trials is unknown. `p_value` is the fraction of held-out known trials that are as novel.
-strange = model.classify(touch(20.0), rate_hz=60)
-print(f'{strange.label}, p = {strange.p_value:.2f}: {strange.reason}')
+write_glide(folder / 'strange.csv', 20.0)
+with Recording.load(folder / 'strange.csv') as strange:
+    signal = strange.trials[0].signal
+prediction = model.classify(signal.values, signal.rate_hz)
+print(f'{prediction.label}, p = {prediction.p_value:.2f}: {prediction.reason}')
 
 # %%
 # A window without features has the label `no answer` and a reason. A wrong rate or length raises an error with a remedy.

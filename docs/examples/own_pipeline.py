@@ -4,7 +4,7 @@
 # %%
 # # Your own pipeline
 #
-# From CSV files to a label with scikit-learn: features in a pipeline, cross-validation by sessions, a model file. No ROS.
+# Features and a classifier of your choice in a scikit-learn pipeline, held-out sessions, and a model file for live nodes. No ROS.
 #
 # The files here are SIMULATED: one for each window, `LABEL_SESSION_NUMBER.csv`, with 180 samples of tension [N] at 60 Hz.
 import tempfile

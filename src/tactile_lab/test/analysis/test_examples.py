@@ -4,7 +4,9 @@
 """The examples of the documentation run, and their pages contain their output."""
 
 import importlib
+import os
 from pathlib import Path
+import re
 import sys
 
 import pytest
@@ -22,6 +24,7 @@ def test_there_are_examples():
 @pytest.mark.parametrize('script', SCRIPTS, ids=lambda script: script.stem)
 def test_the_page_of_an_example_is_what_it_does(script, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, 'path', [str(DOCS), *sys.path])
+    monkeypatch.delenv('TACTILE_DATA', raising=False)
     examples = importlib.import_module('examples')
     try:
         page = examples.build_page(script, tmp_path)
@@ -36,3 +39,29 @@ def test_the_page_of_an_example_is_what_it_does(script, tmp_path, monkeypatch):
     )
     for image in tmp_path.glob('*.png'):
         assert (DOCS / 'images' / image.name).is_file()
+
+
+def test_the_protocol_of_the_paper_on_public_recordings(tmp_path, monkeypatch):
+    shared = Path(__file__).resolve().parents[5] / 'shared' / 'data'
+    folder = Path(os.environ.get('TACTILE_DATA', shared))
+    if not (folder / 'fabric_slide.npz').is_file():
+        pytest.skip(f'no fabric_slide.npz in {folder}; set TACTILE_DATA to the folder that has it')
+    monkeypatch.setattr(sys, 'path', [str(DOCS), *sys.path])
+    monkeypatch.setenv('TACTILE_DATA', str(folder))
+    examples = importlib.import_module('examples')
+    page = examples.build_page(DOCS / 'examples' / 'paper_protocol.py', tmp_path)
+    assert 'fabric_slide.npz (252, 180) 7 labels' in page
+    measured = re.findall(r'^(.+?) +(not scaled|scaled) +([\d.]+) ±', page, re.MULTILINE)
+    expected = {  # the table of docs/real_recordings.md
+        ('3 neighbours', 'scaled'): 61.0,
+        ('3 neighbours', 'not scaled'): 90.0,
+        ('SVM linear', 'scaled'): 63.5,
+        ('SVM linear', 'not scaled'): 79.0,
+        ('SVM RBF', 'scaled'): 58.0,
+        ('SVM RBF', 'not scaled'): 68.8,
+        ('tree', 'scaled'): 65.7,
+        ('tree', 'not scaled'): 65.7,
+    }
+    assert {(name, scaling) for name, scaling, _ in measured} == expected.keys()
+    for name, scaling, accuracy in measured:
+        assert float(accuracy) == pytest.approx(expected[name, scaling], abs=2), (name, scaling)
