@@ -3,17 +3,33 @@
 
 """Every command of README.md and docs/ runs as it is written, in order, in a folder per page.
 
-Pages with commands that run until Ctrl-C are in test/node.
+How-to pages run on small recordings of `page_files`, in the process of the test, which saves the
+start of a process per command; what they print depends on their recordings. Pages with commands
+that run until Ctrl-C are in test/node.
 """
 
+from importlib.util import find_spec
 import re
 import shlex
+import subprocess
+import sys
 
-from page_commands import NOT_RUN, PAGES, read_page, ROOT, Terminal, UNTIL_CTRL_C
+from page_commands import (
+    check_shown,
+    NOT_RUN,
+    PAGES,
+    read_page,
+    ROOT,
+    Terminal,
+    UNTIL_CTRL_C,
+)
+from page_files import FILES, keep, make_files, Recordings
 import pytest
-from tactile_command import ask_tactile
+from tactile_command import ask_tactile, tactile
 
+from tactile_analysis import read_tables
 from tactile_bags import EVENT
+from tactile_classifier import train, write_model
 from tactile_lab import program
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import BEGAN, ENDED, GOOD, Journal, note
@@ -26,10 +42,19 @@ OF_THE_WORKSPACE = {'build', 'clean', 'docs', 'run', 'shell', 'test'}
 
 COMMANDS = {page: read_page(page)[0] for page in PAGES}
 
+EVALUATED_ELSEWHERE = 'tactile evaluate bags/* --report report.html'
+"""evaluation.md has this command with a comment, which is run on the same bags."""
+
+HOW_TO = {'experiments.md', *(page for page, _ in FILES)}
+
 
 def is_run_here(page):
     run = [command for command in COMMANDS[page] if command.is_run]
-    return run and not any(UNTIL_CTRL_C.match(command.text) for command in run)
+    return (
+        run
+        and page.name not in HOW_TO
+        and not any(UNTIL_CTRL_C.match(command.text) for command in run)
+    )
 
 
 @pytest.mark.parametrize(
@@ -47,18 +72,85 @@ def test_commands_run_as_written(page, tmp_path, rewrite):
             record_experiment(terminal.folder / plan[1], rewrite)
 
 
-def record_experiment(path, rewrite):
-    """Fill the folder of an experiment with simulated trials, which takes no real time."""
+@pytest.fixture(scope='module')
+def recordings(texture_bag, stiffness_bag, rewrite, tmp_path_factory):
+    folder = tmp_path_factory.mktemp('recordings')
+
+    def bag(name, source, *change):
+        return rewrite(source, folder / name, keep(*change))
+
+    old = bag('old', texture_bag, '-0000$')
+    (table,) = read_tables([old]).tables.values()
+    write_model(folder / 'old.npz', train(table, 'knn'))
+    return Recordings(
+        texture=bag('texture', texture_bag, '-(R1|F)-', (0.015, 0.02)),
+        old=old,
+        new=bag('new', texture_bag, '-0001$'),
+        holds={label: bag(label, stiffness_bag, f'-{label}-') for label in ('sponge', 'pla')},
+        grooves=texture_bag,
+        model=folder / 'old.npz',
+    )
+
+
+@pytest.mark.parametrize('name', sorted(HOW_TO))
+def test_commands_of_how_to_pages_run_as_written(name, recordings, rewrite, tmp_path, monkeypatch):
+    (page,) = (page for page in PAGES if page.name == name)
+    monkeypatch.chdir(tmp_path)
+    done = set()
+    for command in COMMANDS[page]:
+        if not command.is_run:
+            continue
+        if command.text == 'tactile evaluate grooves':
+            record_experiment(tmp_path / 'grooves', rewrite, recordings.grooves)
+        make_files(page, command, tmp_path, recordings, done)
+        if command.text != EVALUATED_ELSEWHERE:
+            run_here(command, tmp_path)
+    assert done == {key for key in FILES if key[0] == name}
+
+
+def run_here(command, folder):
+    """Run one command in this process, as a shell would: patterns are paths, in their order."""
+    program, *words = shlex.split(command.text.replace('\\\n', ' '), comments=True)
+    expanded = [
+        path
+        for word in words
+        for path in (sorted(map(str, folder.glob(word))) if '*' in word else [word])
+    ]
+    if program == 'python':
+        if 'import pandas' in command.text and find_spec('pandas') is None:
+            return  # only an environment that is older than requirements/packages.txt
+        subprocess.run([sys.executable, *words], cwd=folder, check=True, capture_output=True)
+        return
+    assert program == 'tactile', command.text
+    result = tactile(*expanded)
+    said = result.stdout + result.stderr
+    assert result.returncode == command.exit_code, f'$ {command.text}\n{said}'
+    if SHOWS_ITS_FILES.match(command.text):
+        check_shown(command, said)
+
+
+SHOWS_ITS_FILES = re.compile(r'tactile (import|classify|train lab)')
+"""Commands whose output is that of the page; others depend on the recordings."""
+
+
+def record_experiment(path, rewrite, bag=None):
+    """Fill the folder of an experiment with simulated trials, which takes no real time.
+
+    Without a bag, as many trials as planned are simulated. With one, the journal has all planned
+    trials, and the bag has those that fit.
+    """
     if path.exists():
         return
     plan = read_plan(path.with_suffix('.yaml'))
     folder = ExperimentFolder(path)
     folder.set_up(plan)
     order = folder.read_order()
-    options = ('--trials', plan.mountings * plan.trials, '--sessions', plan.sessions)
-    scratch = path.with_name('simulated')
-    ask_tactile('simulate', plan.protocol, '--contact', plan.contacts[0], *options, '-o', scratch)
-    (bag,) = scratch.iterdir()
+    if bag is None:
+        options = ('--trials', plan.mountings * plan.trials, '--sessions', plan.sessions)
+        scratch = path.with_name('simulated')
+        contact = ('--contact', plan.contacts[0])
+        ask_tactile('simulate', plan.protocol, *contact, *options, '-o', scratch)
+        (bag,) = scratch.iterdir()
     left, planned = list(order), {}
 
     def plan_trial(type_name, message):
