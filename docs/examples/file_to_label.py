@@ -36,9 +36,9 @@ for day in ('day1', 'day2', 'day3'):
 # ## Load
 #
 # The label and the day are the names of the folders. The notes state what was read, with the units.
-from tactile_analysis import Recording
+from tactile_analysis import TrialSet
 
-recording = Recording.load(folder / 'lab')
+recording = TrialSet.load(folder / 'lab')
 trials = recording.to_arrays()
 X, y, day = trials.x[:, 0], trials.label, trials.columns['day']
 print(*recording.notes, sep='\n')
@@ -107,7 +107,7 @@ from tactile_classifier import load_model
 
 model = load_model(folder / 'texture.npz')
 write_glide(folder / 'strange.csv', 20.0)
-with Recording.load(folder / 'strange.csv') as strange:
+with TrialSet.load(folder / 'strange.csv') as strange:
     signal = strange.trials[0].signal
 prediction = model.classify(signal.values, signal.rate_hz)
 print(f'{prediction.label}, p = {prediction.p_value:.2f}: {prediction.reason}')

@@ -106,8 +106,8 @@ def measure_learning_curve(
 
     Each group is tested once. The training groups are drawn at random from the other groups. For
     each label, these are the first n groups in a random order that contain the label. If each
-    group contains all labels, the same n groups are used for all labels. scikit-learn's ``learning_curve`` draws
-    trials instead of groups.
+    group contains all labels, the same n groups are used for all labels. In contrast, the
+    function ``learning_curve`` of scikit-learn draws trials instead of groups.
 
     Parameters
     ----------
