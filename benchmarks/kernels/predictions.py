@@ -107,7 +107,7 @@ def run_predictions(quick: bool) -> Report:
         theirs.close()
     return Report(
         'predictions: one window through a model file, in processor time',
-        f'the checkout that {OTHER_CHECKOUT} names, in turns',
+        f'the checkout in {OTHER_CHECKOUT}, measured alternately',
         '',
         rows,
     )

@@ -33,12 +33,17 @@ ROOT = Path(__file__).resolve().parents[2]
 
 TACTILE = ('python', '-m', 'tactile_lab')
 
+REFUSED = 2
+"""Exit code of `tactile train` of another checkout that trained a model and then refused to write
+it. Its time counts, because only the writing is missing."""
+
 
 class Times(NamedTuple):
-    """Processor time and wall time of a command [s]."""
+    """Processor time and wall time of a command [s], and its exit code."""
 
     processor_s: float
     wall_s: float
+    exit_code: int
 
 
 def run_training(quick: bool) -> Report:
@@ -67,7 +72,7 @@ def run_training(quick: bool) -> Report:
             rows.append(_make_row(case, times))
     return Report(
         'training: tactile train and tactile evaluate --report, in processor time',
-        f'the checkout that {OTHER_CHECKOUT} names, in turns',
+        f'the checkout in {OTHER_CHECKOUT}, measured alternately',
         '',
         rows,
     )
@@ -80,6 +85,7 @@ def _make_row(case: str, times: Sequence[Sequence[Times]]) -> Row:
         for i, whose in enumerate(('ours', 'the other'))
         for j, what in enumerate(('processor time', 'wall time'))
     }
+    more['exit code of the other'] = str(max(other.exit_code for _, other in times))
     return Row(case, Ratio(statistics.median(ratios), min(ratios), max(ratios)), more=more)
 
 
@@ -87,10 +93,10 @@ def _run(checkout: Path, arguments: Sequence[str]) -> Times:
     started_s = time.monotonic()
     process = start_in(checkout, *TACTILE, *arguments, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
+    process.returncode = code = os.waitstatus_to_exitcode(status)
+    if code and (checkout == ROOT or code != REFUSED):
         raise RuntimeError(f'{" ".join(arguments)} failed in {checkout}; its error is above')
-    return Times(usage.ru_utime + usage.ru_stime, time.monotonic() - started_s)
+    return Times(usage.ru_utime + usage.ru_stime, time.monotonic() - started_s, code)
 
 
 def _write_windows(path: Path, trials: int) -> None:

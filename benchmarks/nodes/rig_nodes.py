@@ -83,7 +83,7 @@ def run_rig_nodes(quick: bool) -> Report:
         rows.append(Row(name, ratio, more=more))
     return Report(
         'processor time and memory of the nodes of an idle SIMULATED rig',
-        f'the checkout that {OTHER_CHECKOUT} names, in turns' if other else '',
+        f'the checkout in {OTHER_CHECKOUT}, measured alternately' if other else '',
         '',
         rows,
     )

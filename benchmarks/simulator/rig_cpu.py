@@ -224,7 +224,7 @@ def run_rig_cpu(quick: bool) -> Report:
         rows.append(Row(name, ratio, more=more))
     return Report(
         'Processor time of the SIMULATED rig, polled as by its drivers',
-        f'the rig of the checkout that {OTHER_CHECKOUT} names, with numba, in turns'
+        f'the rig of the checkout in {OTHER_CHECKOUT}, with numba, measured alternately'
         if other
         else '',
         '',

@@ -265,8 +265,8 @@ class SignalPhases:
 
     The result does not depend on how the samples are grouped into blocks. An event is returned
     when it is certain, which is some tenths of a second after its stamp. A release is returned
-    when the tension has fallen to a quarter. If no glide is found in a trial of the texture
-    protocol, the trial ends as aborted.
+    when the tension above rest has fallen to a quarter of its value in the hold. If no glide is
+    found in a trial of the texture protocol, the trial ends as aborted.
 
     The result does not depend on when the detection joins a stream, either. If it joins late, it
     reports no trial until its state equals that of a detection that has observed the stream from

@@ -73,8 +73,8 @@ _UNUSUAL = (
     'mixed with text'
 )
 _OTHER_COUNT = (
-    'it has {} columns, but line_columns is {}: check whether lines are incomplete or a comma '
-    'divides a number'
+    'it has {} columns, but line_columns is {}: check whether lines are incomplete or a '
+    'number contains a comma'
 )
 _NUMBER_BESIDE = (
     'the number {} is next to its value: if the comma is a decimal mark, set decimal_mark to ","; '

@@ -93,7 +93,7 @@ class Reading:
     def select_stated(
         self, columns: Columns
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]] | None:
-        """Return masks of the training and test trials, or None if they are not selected."""
+        """Return masks of the training and test trials; None unless both selections are given."""
         if self.train_where is None or self.test_where is None:
             return None
         return (

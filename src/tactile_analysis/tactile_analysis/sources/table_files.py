@@ -168,7 +168,8 @@ def _decoded_bytes(chunk: Any, kind: Any, as_codes: Set[str]) -> int:
     packed, count = chunk.total_uncompressed_size, chunk.num_values
     if chunk.path_in_schema in as_codes or pyarrow.types.is_null(kind):
         return int(packed + count * _CODE_BYTES)
-    if _is_text(kind):  # in an encoding in which a text may refer to the previous one
+    if _is_text(kind):
+        # The encoding may store only how a text differs from the previous text.
         return int(packed * count + count * _CODE_BYTES)
     return int(packed + count * max(_CODE_BYTES, kind.bit_width // 8))
 

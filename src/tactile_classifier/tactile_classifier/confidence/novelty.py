@@ -76,11 +76,11 @@ class NoveltyMeasure:
             raise ModelFileError('values of its array "scales" are not positive')
 
     def compute(self, values: Matrix) -> Matrix:
-        """Return the novelty of each window; ``values`` has shape (windows, k) [1]."""
+        """Return the novelty [1] of each window; ``values`` has shape (windows, k)."""
         return np.array([self.compute_one(row) for row in values])
 
     def compute_one(self, values: Matrix) -> float:
-        """Return the novelty of one window of shape (k,) [1]."""
+        """Return the novelty [1] of one window of shape (k,)."""
         row = values - self.centre
         whitened, of_all = row @ self.within, row @ self.total
         to_label = math.sqrt(self._means.find_nearest(whitened)[1])

@@ -132,7 +132,7 @@ def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
         return 0.0
     sample = scaled[np.linspace(0, trials - 1, min(trials, SAMPLED)).astype(int)]
     squares = np.linalg.svd(sample, compute_uv=False) ** 2
-    # Not more eigenvalues can be estimated than there are degrees of freedom.
+    # At most as many eigenvalues can be estimated as there are degrees of freedom.
     largest = squares[: min(freedom, len(squares))] / (len(sample) * freedom / trials)
     freedoms = np.arange(1, len(largest) + 1)
     quantiles = 2.0 * gammaincinv(freedoms / 2.0, CHANCE / pairs)  # of chi-squared

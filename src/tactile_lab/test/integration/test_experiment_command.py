@@ -85,16 +85,22 @@ def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path
 @pytest.mark.parametrize(
     ('sizes', 'words'),
     [
-        ('--sessions 2 --mountings 2 --trials 5', ['40 trials', '20 when a session']),
-        ('--sessions 2 --mountings 1 --trials 1', ['4 trials', '2 when a session', 'too few']),
-        ('--sessions 1 --mountings 1 --trials 2', ['4 trials', '3 when a trial', 'one session']),
+        ('--sessions 2 --mountings 2 --trials 5', ['Training trials: 40 in', '20 if a session']),
+        (
+            '--sessions 2 --mountings 1 --trials 1',
+            ['Training trials: 4 in', '2 if a session', 'too few'],
+        ),
+        (
+            '--sessions 1 --mountings 1 --trials 2',
+            ['Training trials: 4 in', '3 if a trial', 'one session'],
+        ),
     ],
 )
 def test_a_new_plan_says_how_many_trials_training_needs(tmp_path, sizes, words):
     plan = tmp_path / 'new.yaml'
     contacts = ('--contacts', 'flexion,abduction')
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,R2', *contacts, *sizes.split())
-    for word in (*words, 'At least 3', '19 trials in all'):
+    for word in (*words, 'At least 3 trials', 'needs 19 trials'):
         assert word in said
     assert ('too few' in said) == ('too few' in words)
 

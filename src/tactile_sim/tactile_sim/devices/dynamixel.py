@@ -314,7 +314,7 @@ class DynamixelDevice:
         return self._fed_s + watchdog * known.WATCHDOG_STEP_S - _EARLY_S
 
     def rest(self, now_s: float, tension_n: float) -> None:
-        """Stay at rest until ``now_s``, which must be before `rests_until_s`."""
+        """Advance to ``now_s`` without moving; ``now_s`` must be before `rests_until_s`."""
         self._now_s, self._tension_n = now_s, tension_n
 
     def foresee(self, times_s: FloatArray) -> Foreseen:
