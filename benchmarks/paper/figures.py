@@ -50,19 +50,18 @@ def main() -> None:
 def draw_figures(results: Results) -> Figure:
     """Draw accuracies, mean p-values of components, p-values of holds, and the effect of units."""
     figure = Figure(figsize=(11, 15), layout='constrained')
-    rows = figure.subfigures(4, 1, height_ratios=(1.3, 0.8, 1.7, 0.9))
+    top, strip, *rows = figure.subfigures(5, 1, height_ratios=(1.3, 0.08, 0.8, 1.7, 0.9))
     figure.suptitle("SIMULATED: the paper's protocol; no number is a measurement")
-    for axes, scaling in zip(rows[0].subplots(1, 2, sharey=True), SCALINGS, strict=True):
+    for axes, scaling in zip(top.subplots(1, 2, sharey=True), SCALINGS, strict=True):
         _draw_accuracies(axes, results, scaling)
-    # Below the panels, because no part of them is free of bars.
-    classifiers = axes.get_legend_handles_labels()
-    rows[0].legend(*classifiers, loc='outside lower center', ncols=4, fontsize=8)
-    for axes, contact in zip(rows[1].subplots(1, 2, sharey=True), CONTACTS, strict=True):
+    # The legend has a strip below the panels, because bars fill the panels.
+    strip.legend(*axes.get_legend_handles_labels(), loc='center', ncols=4, fontsize=8)
+    for axes, contact in zip(rows[0].subplots(1, 2, sharey=True), CONTACTS, strict=True):
         _draw_mean_p(axes, results['texture', contact], contact)
-    grid = rows[2].subplots(2, len(STIFFNESS_FEATURES))
+    grid = rows[1].subplots(2, len(STIFFNESS_FEATURES))
     for panels, contact in zip(grid, CONTACTS, strict=True):
         _draw_p_matrices(panels, results['stiffness', contact], contact)
-    _draw_scaling_cause(*rows[3].subplots(1, 2), results)
+    _draw_scaling_cause(*rows[2].subplots(1, 2), results)
     return figure
 
 
