@@ -14,12 +14,12 @@ from benchmarks.simulator.trials import (
     compare,
     CONTACTS,
     draw_trials,
+    DrawnTrials,
     FloatArray,
     name_choice,
     PLATES,
     remove_line,
     time_in_turns,
-    TrialSet,
 )
 from tactile_sim.physics.trials import STEPS_PER_SAMPLE
 
@@ -67,7 +67,7 @@ def run_simulator(quick: bool) -> Report:
     )
 
 
-def _simulate_all(sets: list[TrialSet], steps: int) -> tuple[FloatArray, FloatArray]:
+def _simulate_all(sets: list[DrawnTrials], steps: int) -> tuple[FloatArray, FloatArray]:
     """Return windows of tension and of sensor input, shape (trials, samples) [N]."""
     tension, sensed = [], []
     for trials in sets:

@@ -32,7 +32,7 @@ _SESSION_TRIALS = 8  # several sessions, to include their variation
 
 
 @dataclass(frozen=True, eq=False)
-class TrialSet:
+class DrawnTrials:
     """Random trials on one plate or object, planned like `tactile simulate`.
 
     ``window`` is the range of samples used for features.
@@ -49,7 +49,7 @@ class TrialSet:
 
 
 @lru_cache
-def draw_trials(protocol: str, label: str, contact: str, count: int) -> TrialSet:
+def draw_trials(protocol: str, label: str, contact: str, count: int) -> DrawnTrials:
     """Draw random trials of several sessions.
 
     The sampling phase is 0 or half a sample, so that samples coincide with the end of a step for
@@ -65,7 +65,7 @@ def draw_trials(protocol: str, label: str, contact: str, count: int) -> TrialSet
     drawn['phase'] = np.floor(2 * drawn['phase']) / 2
     planned = plan_trial(TrialConfig(), TrialRequest(protocol, contact))
     scene = build_scene(protocol, label, contact)
-    return TrialSet(scene, planned, Variation(**drawn), find_window(protocol, planned))
+    return DrawnTrials(scene, planned, Variation(**drawn), find_window(protocol, planned))
 
 
 def find_window(protocol: str, planned: TrialSchedule) -> slice:

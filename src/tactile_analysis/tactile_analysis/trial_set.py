@@ -204,12 +204,17 @@ class TrialSet:
 
     @property
     def notes(self) -> list[str]:
-        """Unknown facts as the first line, then assumptions that were made."""
+        """Unknown facts as the first line, then assumptions, then the excluded trials."""
         unknown = [] if self.unit else ['unit of the signal (--unit N)']
         if self._raw and self._options.rate_hz is None and not any(r.rate_hz for r in self._raw):
             unknown.append('sample rate (--rate-hz)')
         first = [f'unknown: {", ".join(unknown)}'] if unknown else []
-        return [*first, *self._found.lines]
+        excluded = [
+            f'excluded: trial {trial.name}: {self._excluded[number]}'
+            for number, trial in zip(self._numbers or (), self.trials, strict=False)
+            if number in self._excluded
+        ]
+        return [*first, *self._found.lines, *excluded]
 
     # -- selection ---------------------------------------------------------------------------
 
@@ -244,7 +249,7 @@ class TrialSet:
         return pandas.DataFrame(self.columns)
 
     def select(self, where: Where) -> TrialSet:
-        """Return a set with some of the trials.
+        """Return a set with some of the trials; both sets read from the same open bags.
 
         Parameters
         ----------
@@ -291,15 +296,16 @@ class TrialSet:
     def find_window(
         self, source: str, namespace: str, name: str, start_ns: int
     ) -> tuple[Trial, str] | None:
-        """Return the trial of a window in a bag, and the reason stated in `exclude`.
+        """Return the trial of a window in a bag, and the reason that was given to `exclude`.
 
+        Only for sets with `is_changed`. The reason is empty if the trial is not excluded. Returns
         None if the trial is not in this set. ``start_ns`` is the start of the window (ROS time)
         [ns].
         """
-        numbers = self._numbers or range(len(self.trials))
+        assert self._numbers is not None, 'only for sets that were changed'
         found = [
             (trial.begin_ns, number, trial)
-            for number, trial in zip(numbers, self.trials, strict=True)
+            for number, trial in zip(self._numbers, self.trials, strict=True)
             if (trial.source, trial.namespace, trial.name) == (source, namespace, name)
             and trial.events
             and trial.begin_ns is not None
@@ -339,11 +345,10 @@ class TrialSet:
         """
         numbers = self._numbers or tuple(range(len(self)))
         found = copy(self)
-        found.__dict__ |= {
-            'trials': tuple(trial for _, trial in trials),
-            '_numbers': tuple(numbers[i] for i, _ in trials),
-            '_excluded': {**self._excluded, **{numbers[i]: why for i, why in excluded.items()}},
-        }
+        found.trials = tuple(trial for _, trial in trials)
+        found._numbers = tuple(numbers[i] for i, _ in trials)  # noqa: SLF001 (of this class)
+        newly = {numbers[i]: why for i, why in excluded.items()}
+        found._excluded = self._excluded | newly  # noqa: SLF001
         return found
 
     def _keep(self, loaded: LabelledTrials) -> LabelledTrials:
@@ -548,7 +553,10 @@ def _raw_of(trial: Trial, name: str) -> RawTrial:
 
 
 def _open_own(leaves: Sequence[SourceFile], options: SourceOptions) -> list[RecordedBag]:
-    """Return the opened bags with trial events; with a topic option, no bag counts as such."""
+    """Open and return the bags that have trial events.
+
+    If ``options.topic`` is set, there are none: bags are then read like other recordings.
+    """
     if options.topic or not any(leaf.kind is SourceKind.BAG for leaf in leaves):
         return []
     from tactile_bags.recorded_bag import correct_bags, RecordedBag  # they import rosbags

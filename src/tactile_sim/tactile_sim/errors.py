@@ -22,5 +22,9 @@ class RigError(TactileSimError):
     """The process of the simulated rig ended, did not start or refused a request."""
 
 
+class TautTendonError(RigError):
+    """The object under the finger cannot be changed, because the tendon is tightened."""
+
+
 class SolverError(TactileSimError):
     """The solver of the physics cannot be loaded or compiled."""

@@ -15,7 +15,7 @@ from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
 from tactile_sim.devices.dynamixel import DynamixelDevice
 from tactile_sim.devices.grbl import GrblDevice
 from tactile_sim.devices.load_cell import LoadCellDevice
-from tactile_sim.errors import RigError
+from tactile_sim.errors import TautTendonError
 from tactile_sim.physics.scene import build_scene
 from tactile_sim.physics.trials import Plant
 from tactile_sim.physics.variation import draw_variation, make_generator, Variation
@@ -159,12 +159,12 @@ class PalpationRig:
         mounting share their deviations. If ``numbers`` is None, every call starts a new mounting
         within one session.
 
-        Raises `DescriptionError` for an unknown protocol, object or contact, and `RigError` when
-        the tendon is tightened.
+        Raises `DescriptionError` for an unknown protocol, object or contact, and
+        `TautTendonError` when the tendon is tightened.
         """
         scene = build_scene(protocol, object_label, contact, self._catalogue)
         if self.tendon.displacement_m > _SLACK_M:
-            raise RigError(
+            raise TautTendonError(
                 f'the tendon is tightened by {self.tendon.displacement_m * 1e3:.1f} mm; '
                 'slacken it before you change the plate or object under the finger: '
                 'ros2 service call /tendon_actuator/release std_srvs/srv/Trigger'

@@ -19,7 +19,7 @@ import time
 from typing import Any, NamedTuple
 
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.errors import RigError
+from tactile_sim.errors import RigError, TautTendonError
 
 _START_S = 120.0
 _ANSWER_S = 10.0
@@ -117,7 +117,8 @@ class SimulatedRig:
         ``numbers`` are session, mounting and trial, each from 0. Trials with the same session and
         mounting share their deviations. If ``numbers`` is None, every call starts a new mounting.
 
-        Raises `RigError` when the rig refuses, with its reason, or has ended.
+        Raises `TautTendonError` when the tendon is tightened, and `RigError` when the rig refuses
+        for another reason, which the error states, or has ended.
         """
         wanted = {'protocol': protocol, 'object': object_label, 'contact': contact}
         return self._request({'mount': {**wanted, 'numbers': numbers}, 'rig': rig})
@@ -173,7 +174,8 @@ class SimulatedRig:
             raise self._death() from None
         answer = self._read_answer(_ANSWER_S)
         if 'error' in answer:
-            raise RigError(answer['error'])
+            kind = TautTendonError if answer.get('is_taut') else RigError
+            raise kind(answer['error'])
         return answer
 
     def _read_answer(self, timeout_s: float) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from typing import Any
 
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.devices.faults import read_request
-from tactile_sim.errors import RigError, TactileSimError
+from tactile_sim.errors import RigError, TactileSimError, TautTendonError
 from tactile_sim.pty_server import RigClock, ServedRig
 from tactile_sim.rig import PalpationRig
 
@@ -159,6 +159,8 @@ def _answer(rigs: Sequence[ServedRig], line: bytes) -> dict[str, Any]:
             return {'error': _USAGE}
         protocol, label, contact = (str(wanted[key]) for key in ('protocol', 'object', 'contact'))
         return served.rig.mount(protocol, label, contact, numbers)
+    except TautTendonError as error:
+        return {'error': str(error), 'is_taut': True}
     except TactileSimError as error:
         return {'error': str(error)}
 

@@ -214,8 +214,8 @@ def _check_rate(source: str, rate_hz: float, found: Sequence[_OwnRate], way_out:
     if own is not None and abs(own.rate_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
         raise SourceError(
             f'{source} {rate_hz:g} Hz, but {own.words} {own.rate_hz:.6g} Hz; {way_out}state '
-            'the unit of the times (--time-unit ms). `tactile evaluate`, `train`, '
-            '`compare` and `features` change the rate with --resample-hz'
+            'the unit of the times (--time-unit ms). `tactile evaluate`, `train` and '
+            '`features` change the rate with --resample-hz'
         )
 
 
@@ -223,7 +223,7 @@ def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
     """Return each rate [Hz] with the indices of its trials; the most frequent rate comes first."""
     left, groups = np.arange(len(rates)), []
     while len(left):
-        usual = np.sort(rates[left])[len(left) // 2]  # the rate of a trial, not a mean of two
+        usual = np.sort(rates[left])[len(left) // 2]  # unlike np.median, the rate of a real trial
         is_same = np.abs(rates[left] / usual - 1.0) <= RATE_TOLERANCE
         groups.append((round_rate(float(np.median(rates[left[is_same]]))), left[is_same]))
         left = left[~is_same]

@@ -285,6 +285,7 @@ def test_a_set_is_selected_excluded_and_relabelled_without_changing_the_loaded_o
     assert len(without) == len(whole)
     left = without.to_arrays()
     assert len(left) == len(before) - 1
+    assert any(step.endswith(': the plate was loose') for step in left.steps)
     np.testing.assert_array_equal(left.x[0, :, :30], before.x[1, :, :30])
     named = without.relabel(~first, 'cork').to_arrays()
     assert set(named.label) == {'cork'}

@@ -54,7 +54,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.lifecycle import MessageGuard
 from tactile_ros.qos import LATEST, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock
-from tactile_sim.errors import RigError
+from tactile_sim.errors import RigError, TautTendonError
 from tactile_sim.rig_process import SimulatedRig
 
 WINDOW_TIMEOUT_S = 1.0
@@ -465,7 +465,8 @@ class LiveTrialBackend:
 def mount(rig: SimulatedRig, request: TrialRequest, numbers: tuple[int, int, int] | None) -> None:
     """Put the object of a trial under the simulated finger, once the tendon is slack.
 
-    Raises `TactileError` when the rig still refuses after `SLACK_TIMEOUT_S`.
+    Raises `TactileError` when the tendon is still tightened after `SLACK_TIMEOUT_S`, or when the
+    rig refuses for another reason.
     """
     deadline_s = time.monotonic() + SLACK_TIMEOUT_S
     while True:
@@ -473,7 +474,7 @@ def mount(rig: SimulatedRig, request: TrialRequest, numbers: tuple[int, int, int
             rig.mount(request.protocol, request.object_label, request.contact, numbers)
             return
         except RigError as error:
-            if time.monotonic() > deadline_s:
+            if not isinstance(error, TautTendonError) or time.monotonic() > deadline_s:
                 raise TactileError(str(error)) from error
         time.sleep(0.1)
 

@@ -17,7 +17,7 @@ from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 from tactile_lab.output import Output
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.errors import TactileError
-from tactile_sim.errors import RigError
+from tactile_sim.errors import RigError, TautTendonError
 
 PLANNED = PlannedTrial('t', 's', 1, 1, 'flexion', 'R1')
 
@@ -66,7 +66,7 @@ def test_a_trial_that_somebody_stopped_ends_the_loop(bench):
 
 
 def test_object_is_mounted_once_the_driver_has_slackened_the_simulated_tendon(bench):
-    refusals = [RigError('the tendon is tightened by 4.9 mm')] * 3
+    refusals = [TautTendonError('the tendon is tightened by 4.9 mm')] * 3
     mounted = []
 
     def mount(*arguments):
@@ -86,12 +86,24 @@ def test_object_is_mounted_once_the_driver_has_slackened_the_simulated_tendon(be
 
 def test_tendon_of_a_simulated_rig_that_stays_taut_fails_the_trial(bench, monkeypatch):
     def refuse(*_):
-        raise RigError('the tendon is tightened by 4.9 mm')
+        raise TautTendonError('the tendon is tightened by 4.9 mm')
 
     monkeypatch.setattr(live_rig, 'SLACK_TIMEOUT_S', 0.0)
     bench.setup.simulated_rig = SimpleNamespace(mount=refuse)
     with pytest.raises(TactileError, match=r'tightened by 4\.9 mm'):
         bench.run_trial(TrialOrder(PLANNED, 't', 'm', 1, 1))
+
+
+def test_a_simulated_rig_that_has_ended_is_not_asked_again(bench):
+    def end(*_):
+        calls.append(1)
+        raise RigError('the simulated rig ended with code 1')
+
+    calls = []
+    bench.setup.simulated_rig = SimpleNamespace(mount=end)
+    with pytest.raises(TactileError, match='ended with code 1'):
+        bench.run_trial(TrialOrder(PLANNED, 't', 'm', 1, 1))
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize('simulated_rig', [None, SimpleNamespace(mount=lambda *_: None)])
