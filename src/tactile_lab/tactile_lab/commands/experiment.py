@@ -259,10 +259,18 @@ def new(
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, format_plan(plan))
     first = list(dict.fromkeys(t.object_label for t in list_order(plan, plan.session_ids[0])))
+    counts = [
+        (plan.trial_count, 'trial'),
+        (len(plan.objects), 'object'),
+        (len(plan.contacts), 'contact'),
+        (plan.sessions, 'session'),
+        (plan.mountings, 'mounting'),
+        (plan.trials, 'trial'),
+    ]
+    total, *factors = (f'{n} {name}{"" if n == 1 else "s"}' for n, name in counts)
     output.say(
-        f'{path}: {plan.trial_count} trials: {len(plan.objects)} objects x '
-        f'{len(plan.contacts)} contacts x {plan.sessions} sessions x {plan.mountings} mountings x '
-        f'{plan.trials} trials; the first block begins with {", ".join(first[:3])}'
+        f'{path}: {total}: {" x ".join(factors)}; the first block begins with '
+        f'{", ".join(first[:3])}'
     )
     if unknown:
         output.say(f'{", ".join(unknown)}: only for your rig; the simulated rig has no such label')

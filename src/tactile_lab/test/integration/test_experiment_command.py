@@ -100,6 +100,7 @@ def test_a_new_plan_says_how_many_trials_training_needs(tmp_path, sizes, words):
     plan = tmp_path / 'new.yaml'
     contacts = ('--contacts', 'flexion,abduction')
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,R2', *contacts, *sizes.split())
+    assert ('1 mounting x' in said) == ('--mountings 1' in sizes)
     for word in (*words, 'At least 3 trials', 'needs 19 trials'):
         assert word in said
     assert ('too few' in said) == ('too few' in words)
