@@ -17,6 +17,7 @@ from tactile_bringup.launch_config.graph import (
     Ports,
     recorder_parameters,
     sensor_parameters,
+    simulated_tendon_parameters,
 )
 from tactile_bringup.launch_config.hand import refuse_shared_ports
 from tactile_bringup.launch_config.launching import (
@@ -130,7 +131,7 @@ def launch_setup(context):
     # -- the models determine the features and the classifier ---------------------------------
     stated = {
         name: file.of(name, namespace)
-        for name in ('tendon_sensor', 'tactile_features', 'tactile_classifier')
+        for name in ('tendon_sensor', 'tactile_features', 'tactile_classifier', 'tendon_actuator')
     }
     models = ModelChoice.of_finger(arguments['models'], stated, protocol, contact)
     of_models = models.parameters if models else {}
@@ -154,6 +155,7 @@ def launch_setup(context):
                 **process,
             )
         )
+    of_tendon = simulated_tendon_parameters(stated) if simulated else {}
     nodes += [
         # the linear guide: action move, home
         Node(
@@ -168,7 +170,7 @@ def launch_setup(context):
             package='linear_guide_driver',
             executable='tendon_actuator_node',
             name='tendon_actuator',
-            parameters=[CONFIG, file, {'port': ports['tendon']}, common],
+            parameters=[CONFIG, file, {'port': ports['tendon'], **of_tendon}, common],
             # a driver that died may have left the tendon taut
             **{**process, 'respawn_delay': 0.2},
         ),

@@ -29,6 +29,8 @@ CLASSIFIER_NODE = 'tactile_classifier'  # started only if there are models
 PLAYER = 'bag_player'
 
 RIG_NODES = (SENSOR_NODE, FEATURES_NODE, 'linear_guide', 'tendon_actuator', 'trial_runner')
+SIMULATED_SATURATION_N = 19.0
+"""``saturation_n`` [N] of nodes on a simulated rig, whose load cell of 2 kg ends at 19.6 N."""
 """Names of the nodes of a rig, without the classifier."""
 
 NO_PORT = 'none'
@@ -218,6 +220,8 @@ def sensor_parameters(
     elif port and port != NO_PORT:
         given['port'] = port
     of_file = stated.get(SENSOR_NODE, {})
+    if simulated and given.get('port'):
+        given['saturation_n'] = of_file.get('saturation_n', SIMULATED_SATURATION_N)
     if not (port or topic) and of_file.get('port') == NO_PORT:
         port = NO_PORT
     kind = {**of_file, **given}.get('sensor', '')
@@ -226,6 +230,15 @@ def sensor_parameters(
     if kind == 'topic' and 'rate_hz' not in of_file:
         given['rate_hz'] = float(stated.get(FEATURES_NODE, {}).get('rate_hz', 0.0))
     return given
+
+
+def simulated_tendon_parameters(stated: NodeParameters) -> dict[str, Any]:
+    """Return the parameters of the tendon's driver that follow from a simulated rig.
+
+    A ``saturation_n`` in ``stated`` takes precedence.
+    """
+    of_file = stated.get('tendon_actuator', {})
+    return {'saturation_n': of_file.get('saturation_n', SIMULATED_SATURATION_N)}
 
 
 def rig_graph(
@@ -237,9 +250,10 @@ def rig_graph(
     namespace: str = '',
 ) -> list[NodeDescription]:
     """Return the nodes of a rig: sensing, motion and trial runner."""
+    of_tendon = simulated_tendon_parameters(parameters) if simulated else {}
     motion = [
         NodeDescription('linear_guide', {'port': ports.guide}),
-        NodeDescription('tendon_actuator', {'port': ports.tendon}),
+        NodeDescription('tendon_actuator', {'port': ports.tendon, **of_tendon}),
         NodeDescription('trial_runner'),
     ]
     sensing = sensing_graph(

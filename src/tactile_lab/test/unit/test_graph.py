@@ -15,10 +15,12 @@ from tactile_bringup.launch_config.graph import (
     RIG_NODES,
     sensing_graph,
     sensor_parameters,
+    SIMULATED_SATURATION_N,
 )
 from tactile_features.errors import FeatureError, ModelFileError
 from tactile_ros.errors import TactileError
 from tactile_ros.node_program import find_node_class
+from tactile_sim.descriptions.catalogue import default_catalogue
 
 PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
 
@@ -48,6 +50,19 @@ def test_rig_has_every_node_with_its_port(models):
     stated = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}
     guide = by_name(rig_graph(PORTS, models, stated, simulated=True))['linear_guide']
     assert guide.parameters == {'strain_timeout_s': 0.5, 'port': '/dev/guide'}
+
+
+def test_the_range_of_a_simulated_load_cell_is_known():
+    def ranges(stated, **options):
+        nodes = by_name(rig_graph(PORTS, None, stated, **options))
+        names = ('tendon_sensor', 'tendon_actuator')
+        return [nodes[name].parameters.get('saturation_n') for name in names]
+
+    assert ranges({}, simulated=False) == [None, None]
+    assert ranges({}, simulated=True) == [SIMULATED_SATURATION_N] * 2
+    stated = {name: {'saturation_n': 17.0} for name in ('tendon_sensor', 'tendon_actuator')}
+    assert ranges(stated, simulated=True) == [17.0, 17.0]
+    assert SIMULATED_SATURATION_N < default_catalogue().rig().load_cell.capacity_n
 
 
 def test_features_and_classifier_get_the_models_and_nothing_out_of_them(trained):
