@@ -124,24 +124,25 @@ def format_first_sentence(result: SetResult) -> str:
     """Return the accuracy in a plain sentence, with its trials, interval and chance."""
     chosen = result.recordings.choice
     assert chosen is not None
-    right = f'{format_percent(result.headline.mean)} of touches are named correctly'
+    limit = ''
     if result.stated is not None:
-        start, limit = f'On the stated test trials, {right}', ''
+        whose = 'the stated test trials'
     elif not chosen.columns:
-        start = f'By random folds, {right}'
+        whose = 'the trials'
         limit = (
-            ' The model was trained on other trials of the same recordings, so this is no '
-            'forecast for a new session.'
+            ' The folds are random: the model was trained on other trials of the same '
+            'recordings, so this accuracy does not predict the accuracy in a new session.'
         )
     elif chosen.columns == SESSION:
-        start, limit = f'In a new session, {right}', ''
+        whose = 'the trials of a new session'
     elif chosen.columns == ('trial_block',):
-        start = f'In another part of the same session, {right}'
-        limit = ' This is no forecast for a new session.'
+        whose = 'the trials of another part of the same session'
+        limit = ' This accuracy does not predict the accuracy in a new session.'
     else:
         names = ' and '.join(map(plain_name, chosen.columns))
-        start, limit = f'With a new {names}, {right}', ''
-    return f'{start} ({format_evidence(result)}).{limit}'
+        whose = f'the trials of a new {names}'
+    share = format_percent(result.headline.mean)
+    return f'{share} of {whose} are classified correctly ({format_evidence(result)}).{limit}'
 
 
 def format_evidence(result: SetResult) -> str:

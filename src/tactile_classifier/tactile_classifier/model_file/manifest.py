@@ -542,11 +542,14 @@ def _format_origin(manifest: Manifest) -> str:
 
 
 def _format_conditions(manifest: Manifest) -> str:
-    training = manifest.training
+    training, calibration = manifest.training, manifest.calibration
     parts = [
         f'{number} {what}{"s" * (number != 1)}' if number > 0 else f'no {what} recorded'
         for number, what in ((training.sessions, 'session'), (training.mountings, 'mounting'))
     ]
+    groups = calibration.get('groups', 0)
+    if training.sessions == 0 and isinstance(groups, int) and groups > 0:
+        parts[0] = f'{groups} {format_groups(calibration)}'
     if training.speeds == 1:
         parts.append(f'{1e3 * training.slowest_m_s:g} mm/s')
     elif training.speeds > 1:

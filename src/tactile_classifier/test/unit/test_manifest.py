@@ -198,6 +198,14 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
             ['other mountings', 'speeds were not tested'],
         ),
         (
+            {
+                'training': TrainingTrials(0, 0, 1, 0.02, 0.02, 0),
+                'calibration': {**GOOD.calibration, 'held_out': ['day']},
+            },
+            ['3 groups by day, no mounting recorded, 20 mm/s', 'Each of 3 groups by day was held'],
+            ['no session recorded'],
+        ),
+        (
             {'calibration': {**GOOD.calibration, 'strict': False}},
             [
                 'The threshold for unknown objects holds on average over new sessions like these',

@@ -49,7 +49,7 @@ def test_train_chooses_features_and_classifier_and_names_the_runner_up(texture_b
     assert f'this selection procedure {nested}' in ' '.join(table.split())
     # A card states this accuracy and no other.
     assert 'cross-validation' not in model.card
-    assert 'named correctly' not in model.card
+    assert 'classified correctly' not in model.card
     assert f'- accuracy: {nested} % (one session held out, chosen inside the folds' in model.card
 
 
@@ -141,7 +141,7 @@ def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_pat
     choice = found['feature_choice']
     mean = choice['nested']['mean']
     assert found['headline']['mean'] == mean
-    right = f'With a new part, {100 * mean:.1f} % of touches are named correctly'
+    right = f'{100 * mean:.1f} % of the trials of a new part are classified correctly'
     sentence = f'{right} (30 trials of 3 groups; '
     assert sentence in report.read_text()
     assert sentence in said
@@ -173,8 +173,8 @@ def test_evaluate_leads_with_what_train_would_write(tmp_path):
     assert manifest.spec.feature_set == 'glide_waveform'
     # 100 % says little without the number of trials and its interval.
     sentence = (
-        'In a new session, 100.0 % of touches are named correctly (24 trials of 3 sessions; '
-        '95 % interval 29.2 to 100.0 %; chance 50.0 %).'
+        '100.0 % of the trials of a new session are classified correctly '
+        '(24 trials of 3 sessions; 95 % interval 29.2 to 100.0 %; chance 50.0 %).'
     )
     assert sentence in said
     assert found['headline']['recall'] == {'high': 1.0, 'low': 1.0}

@@ -150,7 +150,7 @@ def test_page_stands_alone_escapes_labels_and_names_the_split_of_every_table(pag
 def test_sentence_picture_signals_tables_come_in_this_order_and_the_rest_is_folded(page, textures):
     whole, *folded = page.split('<details>')
     sentence = format_first_sentence(textures)
-    assert sentence.startswith('With a new day, ')
+    assert ' of the trials of a new day are classified correctly (' in sentence
     assert '<li>This model: texture_spectrum with ' in whole
     order = [sentence, '<svg', '>Signals</h2>', '>Accuracy</h2>', '<table']
     places = [whole.index(text) for text in order]
@@ -185,13 +185,14 @@ def test_texts_of_figures_can_be_read_on_a_phone(page):
 @pytest.mark.parametrize(
     ('columns', 'mean', 'sentence'),
     [
-        (('session_id',), 0.74, 'In a new session, 74.0 % of touches are named correctly (72'),
-        (('session_id',), 0.9997, 'In a new session, > 99.9 % of touches'),
-        (('trial_block',), 1.0, 'part of the same session, 100.0 % of touches'),
-        (('trial_block',), 1.0, 'This is no forecast for a new session.'),
-        (('day', 'hour'), 0.5, 'With a new day and hour, 50.0 % of touches'),
-        ((), 0.5, 'By random folds, 50.0 % of touches'),
-        ((), 0.5, 'no forecast for a new session.'),
+        (('session_id',), 0.74, '74.0 % of the trials of a new session are'),
+        (('session_id',), 0.74, 'are classified correctly (72 trials'),
+        (('session_id',), 0.9997, '> 99.9 % of the trials of a new session'),
+        (('trial_block',), 1.0, '100.0 % of the trials of another part of the same session'),
+        (('trial_block',), 1.0, 'does not predict the accuracy in a new session.'),
+        (('day', 'hour'), 0.5, '50.0 % of the trials of a new day and hour'),
+        ((), 0.5, '50.0 % of the trials are classified correctly'),
+        ((), 0.5, 'does not predict the accuracy in a new session.'),
         ((), 0.5, 'chance 33.3 %)'),
         ((), 0.5, '(72 trials; 95 % interval '),
     ],
@@ -216,7 +217,7 @@ def test_the_headline_is_that_of_the_choice_or_of_the_stated_trials(easy_holds):
     result = dataclasses.replace(easy_holds, stated=stated)
     mean = stated.scores[0].mean
     assert format_accuracy(result).startswith(f'accuracy {100 * mean:.1f} % (stratified 3-fold')
-    assert format_first_sentence(result).startswith('On the stated test trials, ')
+    assert ' of the stated test trials are classified correctly (' in format_first_sentence(result)
 
 
 def test_the_line_of_accuracy_counts_refused_trials_and_names_baselines(easy_holds):
