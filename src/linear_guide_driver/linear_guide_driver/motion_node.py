@@ -163,7 +163,7 @@ class RigStop:
 
 
 class _Activity:
-    """Watch of the node's own lifecycle state: an inactive driver is a loss."""
+    """Watch that reports a loss while the node of the driver is not active."""
 
     was_heard = True
 

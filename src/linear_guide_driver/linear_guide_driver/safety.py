@@ -397,7 +397,9 @@ class TendonSafety:
                 if refusal:
                     raise MotionRefusedError(capitalise(str(refusal)))
                 self.limit_n = limit_n
-                if self.zero is Zero.UNCONFIRMED:  # without a sensor, nothing else confirms it
+                # An unconfirmed zero is an obstacle unless no sensor is required. In that case
+                # nothing else can confirm it, so it counts as known.
+                if self.zero is Zero.UNCONFIRMED:
                     self.zero = Zero.KNOWN
             self.limit_n = min(self.limit_n, limit_n)  # only a tightening pull raises the limit
             self._pull, self._tightens, self._homing_epoch = pull, tightens, epoch
@@ -417,7 +419,7 @@ class TendonSafety:
         """
         with self._lock:
             if self.state is State.HOLDING and self._release_at_ns is not None:
-                return  # already held because of a loss, to be slackened later
+                return  # the tendon is held already, and will be slackened because of a loss
             if self._is_slackening and (loss := self._find_need_loss(now_ns)):
                 self._enter(State.RELEASING, f'{loss} The tendon is slackened.', Ending.LOST)
                 return
@@ -471,7 +473,7 @@ class TendonSafety:
         if state is self.state and state is State.RELEASING:
             return
         if state is State.RELEASING:
-            self._release_at_ns = None  # if a hold follows, it has no time limit
+            self._release_at_ns = None  # a hold that follows does not end in slackening
         self.state, self.reason, self._cause = state, reason, ending
         pull = self._pull
         is_final = self.ending is not None and (self.ending, ending) != (
@@ -485,7 +487,8 @@ class TendonSafety:
         self.ending = ending
 
     def _hold_then_release(self, loss: str, now_ns: int) -> None:
-        if self._release_at_ns is None:  # a second loss neither postpones nor renames the first
+        # If there is a loss already, a second one changes neither the time nor the reason.
+        if self._release_at_ns is None:
             self._release_at_ns, self._loss = now_ns + self._slack_after_ns, loss
         after_s = self._config.slack_after_s
         sentence = f'{self._loss} The tendon is held and slackened after {after_s:g} s.'
@@ -515,7 +518,7 @@ class TendonSafety:
         if pull is not None and not pull.slackens and (stop := self._latch.find_loss(now_ns)):
             return stop
         if not self._tightens and (is_slack or pull is not None):
-            return None  # a slack tendon needs nothing, and slackening continues
+            return None  # a slack tendon needs no peers, and slackening continues without them
         return self._find_need_loss(now_ns)
 
     def _find_need_loss(self, now_ns: int) -> Refusal | None:
@@ -526,7 +529,8 @@ class TendonSafety:
             return None
         epoch = self._homing_epoch if self._pull else None
         if self.zero is Zero.UNKNOWN and not self._tightens:
-            epoch = self.tension.tare_epoch  # ignore an unconfirmed tare: the zero is unknown
+            # While the zero is unknown, an unconfirmed tare does not count as a loss.
+            epoch = self.tension.tare_epoch
         return self.tension.find_loss(now_ns, epoch)
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:

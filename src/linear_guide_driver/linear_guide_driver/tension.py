@@ -101,8 +101,10 @@ class TensionSource:
         self._heard_at_ns: int | None = None  # arrival of the last samples, valid or not
         self._live_at_ns: int | None = None  # arrival of the last valid samples in time
         self._lag = SampleLag()
-        self._age_ns = 0  # age of the last block at its arrival, the larger of both estimates
-        self._clock_age_ns = 0  # its age on the clock; negative if the stamp is in the future
+        # Age of the last block at its arrival: the larger of the ages by lag and by clock [ns].
+        self._age_ns = 0
+        # Age of that block by the clock of the stamps [ns]; negative for a stamp in the future.
+        self._clock_age_ns = 0
         self._next_sequence: int | None = None
         self._went_back_at_ns: int | None = None  # last decrease of the sequence numbers
         self._rivals_at_ns: int | None = None

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-# The scripted devices lie beside the tests and are no part of the package.
+# The scripted devices are in the folder of the tests and are not part of the package.
 sys.path.insert(0, str(Path(__file__).parent / 'peers'))
 
 from scripted_grbl import ScriptedGrbl

@@ -191,7 +191,8 @@ class DynamixelBus:
         return data
 
     def _retry(self, transaction: Callable[[], Any]) -> Any:
-        with self.lock:  # held during all attempts: an old goal must not follow a newer one
+        # The lock is held during all attempts, so that a repeated goal cannot follow a newer one.
+        with self.lock:
             for _ in range(ATTEMPTS - 1):
                 with suppress(SilentServoError):
                     return transaction()

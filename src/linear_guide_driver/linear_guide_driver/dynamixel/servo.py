@@ -12,8 +12,8 @@ Nothing is written to a servo until it is known to be the tendon's servo:
   driver has set up.
 - When the driver starts, the torque of the servo must be off, or its registers must be as a
   driver leaves them. In particular, its bus watchdog must be armed or tripped, or it must have a
-  mark. The mark identifies a servo whose driver was killed just before it armed the watchdog. It
-  is lost without power.
+  mark. The mark identifies a servo whose driver was killed just before it armed the watchdog. A
+  servo that loses its power loses the mark.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class DesiredState(NamedTuple):
     displacement_m: float  # goal [m]; infinite: hold the present position
     velocity: int  # profile velocity, in the servo's units
     current: int  # current limit, in the servo's units
-    tightens: bool = False  # False: a written goal never tightens beyond the present position
+    tightens: bool = False  # if False, the goal is limited so that it does not tighten the tendon
 
 
 class Found(Enum):
@@ -176,7 +176,8 @@ class TendonServo:
         self._watchdog = math.ceil(config.watchdog_s / registers.WATCHDOG_STEP_S - 1e-9)
         self._desired = DesiredState(math.inf, self.to_velocity(config.speed_m_s), self.current)
         self._goal_counts: int | None = None  # goal last written for the desired state
-        self._known: tuple[_Identity, _Identity] | None = None  # before and after the set-up
+        # Identity of the servo before and after the set-up.
+        self._known: tuple[_Identity, _Identity] | None = None
         self._found: Found | None = None  # condition at the start of the set-up
         self._is_set_up = False
         self._is_arming = False  # this driver has switched the watchdog off to arm it again
@@ -238,7 +239,8 @@ class TendonServo:
         if actual.watchdog == registers.WATCHDOG_TRIPPED:
             self._goal_counts, self._is_arming = None, True
             self.bus.write_once(registers.BUS_WATCHDOG, registers.WATCHDOG_OFF)
-            if actual.is_torque_on:  # arm it immediately, so that it trips if packets fail
+            # The watchdog is armed immediately, so that it trips if later packets fail.
+            if actual.is_torque_on:
                 self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
             actual = self.read()  # the servo may have moved, because its goal is unlocked again
         if actual.watchdog == self._watchdog:

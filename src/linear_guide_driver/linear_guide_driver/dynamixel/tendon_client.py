@@ -212,7 +212,7 @@ class TendonActuatorClient:
         """Slacken the tendon, and wait up to `SLACKEN_S` until it is slack."""
         deadline_s = time.monotonic() + SLACKEN_S
         if self.safety.zero is Zero.UNKNOWN and self._read_tension() is None:
-            return  # neither zero nor sensor would show where to end
+            return  # neither the zero nor the sensor would show when the tendon is slack
         try:
             self.request_release(reason='The driver is closing; the tendon is slackened.')
             while time.monotonic() < deadline_s:

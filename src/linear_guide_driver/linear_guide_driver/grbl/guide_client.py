@@ -290,7 +290,7 @@ class LinearGuideClient:
         DeviceConnectionError
             If the connection cannot be re-established; also the errors of `move_to`.
         """
-        stop = self._stop_homing  # also used if the homing is abandoned
+        stop = self._stop_homing  # also called if ``on_elapsed`` or ``should_stop`` raises
         motion = Motion(
             self._begin_homing,
             stop,
@@ -341,7 +341,7 @@ class LinearGuideClient:
         return self._motions.run(motion, on_state, should_stop)
 
     def request_stop(self) -> bool:
-        """Brake immediately; return True if a motion is running, which ends when at rest."""
+        """Brake immediately; return True if a motion is running. It ends once the guide rests."""
         return self._motions.request_stop()
 
     # -- homing --------------------------------------------------------------------------

@@ -32,7 +32,7 @@ READ_SETTINGS = b'$$\n'
 READ_BUILD_INFO = b'$I\n'
 
 MODES = b'G21 G90 G94\n'
-"""Millimetres, absolute positions, feed per minute."""
+"""Line that selects millimetres, absolute positions and feed per minute."""
 
 DWELL = b'G4 P0.010\n'
 """A pause; its ``ok`` is sent only after all earlier motion has ended."""
@@ -80,7 +80,7 @@ ERRORS = {
     33: 'the target is not valid',
     36: 'words are left over',
 }
-"""Error codes of the lines that the driver sends, intact or damaged."""
+"""Meaning of the error codes with which Grbl may answer intact or damaged lines of the driver."""
 
 ALARMS = {
     1: 'hard limit: a limit switch was hit',

@@ -72,14 +72,14 @@ def test_home_then_move_ends_at_rest_at_the_target(guide, grbl):
     took_s = time.monotonic() - began_s
     assert state.position_m == pytest.approx(0.031, abs=1e-6)
     assert state.state == 'Idle'
-    # The status right after the move's ok said Idle; only the dwell knew better.
+    # The controller reports Idle right after the ok of the move. Only the dwell shows the true end.
     assert took_s >= 0.3
     assert grbl.mpos == -169.0
     assert max(s.velocity_m_s for s in states) == pytest.approx(0.1)
     guide.move_to(0.021, 0.1, states.append)
     assert min(s.velocity_m_s for s in states) == pytest.approx(-0.1)
     assert 'G53 G1 X-169.000 F6000.000' in grbl.lines
-    # Cut into pieces of at most 0.25 s / (15 blocks + 4 lines that wait) = 13 ms.
+    # A piece lasts at most 0.25 s / (15 planner blocks + 4 waiting lines) = 13 ms.
     targets = [float(line.split()[2][1:]) for line in grbl.lines if line.startswith('G53 G1')]
     assert all(abs(b - a) < 1.34 for a, b in itertools.pairwise(targets))
     assert grbl.real_time.endswith(b'\x90')
@@ -122,7 +122,7 @@ def test_a_controller_left_moving_is_braked_before_it_is_reset(grbl):
     grbl._line('G53 G1 X-10.000 F600.000')
     client = LinearGuideClient(LinearGuideConfig(port=grbl.port))
     client.connect()
-    # A reset without the hold would have been an ALARM:3.
+    # A reset without a preceding hold would have caused ALARM:3.
     assert grbl.state == 'Idle'
     assert not grbl.is_moving
     client.close()

@@ -90,7 +90,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one(bus, servo):
     servo.late_s = 0.1
     with pytest.raises(SilentServoError):
         bus.read_block(registers.VELOCITY_LIMIT)
-    # Both have four bytes, and the late answer has arrived before the second question.
+    # Both answers have four bytes, and the late one arrives before the second request is sent.
     wait_until(lambda: bus._port.ser.in_waiting)
     assert bus.read(registers.PRESENT_POSITION) == 2048
 
@@ -248,7 +248,7 @@ def test_no_release_tightens(connect, servo):
 
 
 def test_slack_is_read_when_the_tendon_has_unwound_though_the_torque_was_off(connect, servo):
-    # As after a close just before: the finger's spring still turns the servo.
+    # As if a driver had just been closed: the spring of the finger still turns the servo.
     servo.put(132, 4, 2448)
     began_s = time.monotonic()
     servo.lose = lambda _: servo.turn_to(

@@ -21,7 +21,7 @@ from tactile_ros.goals import EXPIRE_S
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0
-"""For a process to start on a busy computer."""
+"""Longest time [s] until a process has started on a busy computer."""
 
 FROZEN_S = 2 * MOST_S
 AFTER_S = EXPIRE_S + 0.5
@@ -30,10 +30,10 @@ AFTER_S = EXPIRE_S + 0.5
 PULL = PullTendon.Goal(displacement_m=0.004, speed_m_s=0.02, contact='flexion')
 MOVE = MoveGuide.Goal(position_m=0.15, speed_m_s=0.02)
 SHORT_MOVE = MoveGuide.Goal(position_m=0.02, speed_m_s=0.1)
-"""Shows that a driver moves again."""
+"""A move that shows that a driver works again."""
 
 PIECE_MM = 0.3
-"""More than a piece of MOVE: 0.25 s in advance, divided among the controller's 15 blocks + 4."""
+"""Longer than a piece of MOVE [mm]: 0.25 s of motion are divided into 15 blocks and 4 lines."""
 
 
 class Driver:
@@ -58,7 +58,7 @@ class Driver:
         return self._clients[kind].send(message)
 
     def succeed(self, message):
-        """Send a goal until it succeeds: the node may not be active yet, or not ready again."""
+        """Send a goal repeatedly until it succeeds, because the node may not be ready yet."""
 
         def has_succeeded():
             return self.end(self.send(message))[0] == GoalStatus.STATUS_SUCCEEDED

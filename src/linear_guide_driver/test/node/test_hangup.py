@@ -15,7 +15,7 @@ from tactile_ros.health import HeartbeatWatch
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0
-"""For a process to start or to end on a busy computer."""
+"""Longest time [s] in which a process starts or ends on a busy computer."""
 
 SLACK = 2048
 PULL = {'displacement_m': 0.004, 'speed_m_s': 0.02, 'contact': 'flexion'}

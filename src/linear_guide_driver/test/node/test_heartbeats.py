@@ -24,7 +24,7 @@ from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0
-"""For a process to start on a busy computer."""
+"""Longest time [s] until a process has started on a busy computer."""
 
 HANG_S = 0.5
 RIVALS = 'ROS_DOMAIN_ID'
@@ -157,12 +157,12 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
     move = {'position_m': 0.19, 'speed_m_s': 0.005}
     handle = bench.send(MoveGuide, '/linear_guide/move', **move)
     wait_until(lambda: grbl.is_moving)
-    # Asked for now: the second guide would answer, too, that it knows no such goal.
+    # The result is requested now, because the second guide would also answer: unknown goal.
     end = send(bench.peer, handle.get_result_async)
     second_grbl = ScriptedGrbl()
     try:
         with twins(LinearGuideNode, port=second_grbl.port, **alone) as second:
-            # Each has to hear the other: either of the two may answer the next goal.
+            # Each guide must have discovered the other, because either may answer the next goal.
             for node in (bench.node, second):
                 wait_until(lambda node=node: RIVALS in ' '.join(node._find_missing()))
             wait_until(end.done)

@@ -29,7 +29,7 @@ def tendon(bench, servo):
 
 @pytest.fixture
 def guide(bench, grbl):
-    """Return a bench with a guide whose goals do not wait for topics."""
+    """Return a bench with a guide that starts goals without waiting for topics."""
     bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, peer_wait_s=0.1)
     return bench
 

@@ -122,8 +122,8 @@ def test_a_second_life_works_like_the_first(guide, grbl):
         home(guide)
         assert guide.result(move(guide, 0.01, 0.1))[0] == 'succeeded'
         for transition in ('deactivate', 'cleanup', 'configure', 'activate'):
-            # On the executor's thread, as a requested transition: elsewhere, the executor could
-            # meet publishers that are just being destroyed.
+            # A requested transition runs on the executor's thread. On another thread, the executor
+            # could use publishers while they are being destroyed.
             task = guide.executor.create_task(getattr(guide.node, f'trigger_{transition}'))
             wait_until(task.done)
             assert task.result().name == 'SUCCESS', transition

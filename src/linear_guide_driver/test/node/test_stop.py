@@ -190,7 +190,7 @@ def test_an_emergency_stop_latches_when_it_is_pressed_and_when_it_is_lost(
         emergency_stop_topic='/robot/emergency_stop',
         emergency_stop_timeout_s=1.0,
     )
-    # Latched and reliable, as a careful robot publishes it.
+    # The QoS is latched and reliable, the strictest that a publisher can have.
     profile = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = bench.peer.create_publisher(Bool, '/robot/emergency_stop', profile)
     bench.aborts(pull(bench, TAUT_M), '/robot/emergency_stop')

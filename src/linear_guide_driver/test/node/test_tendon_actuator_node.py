@@ -32,9 +32,9 @@ def tendon(bench, servo):
 
 @pytest.fixture
 def sensor(tendon, servo, peers):
-    # 1 N a millimetre of tendon: 651.9 counts are 10 mm.
+    # Stiffness of 1 N per millimetre of tendon; 10 mm are 651.9 counts.
     peers.tension_n = lambda: (servo.position - 2048) / 65.19
-    # Slack at the start confirms the zero; a test that then sets a tension must come later.
+    # A slack reading at the start confirms the zero. A test may set a tension only after that.
     wait_until(lambda: tendon.node._client.safety.zero is Zero.KNOWN)
     return peers
 

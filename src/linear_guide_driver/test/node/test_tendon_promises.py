@@ -86,7 +86,7 @@ def test_slackening_is_accepted_whoever_is_silent(bench, servo, peers):
         fall_silent(peers, lost)
         wait_until(lambda: bench.node._client.safety.alarm)
         bench.aborts(pull(bench, 0.006), 'sample' if lost == 'sensor' else 'heart')
-        # For any requested speed and contact.
+        # Slackening is accepted with any requested speed and contact.
         assert bench.result(pull(bench, 0.0, speed_m_s, contact=''))[0] == 'succeeded'
         assert is_slack(servo)
         peers.tension_n = 0.0
@@ -216,7 +216,7 @@ def test_a_driver_whose_cable_is_plugged_in_again_is_ready_by_itself(bench, serv
 def test_tension_at_the_zero_asks_for_homing_and_slackening_goes_by_the_sensor(
     bench, servo, peers
 ):
-    # The gear has kept 2 N on the tendon with the torque off: 1 N a millimetre.
+    # Although the torque is off, friction of the gear keeps 2 N on the tendon (1 N per millimetre).
     peers.tension_n = 2.0
     start(bench, servo)
     wait_until(lambda: bench.node._client.safety.zero is Zero.UNKNOWN)

@@ -11,7 +11,7 @@ from tactile_ros.strain import StrainBlock, StrainStatus
 
 PERIOD_NS = 10_000_000
 _numbers = itertools.count(0, 1000)
-"""Sequence numbers that never go back: gaps are lost samples."""
+"""Sequence numbers that never decrease, because a decrease would mean a restart."""
 
 
 def feed(safety, tension_n, now_ns, *, is_saturated=False, age_ns=0):

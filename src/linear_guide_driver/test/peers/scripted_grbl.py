@@ -25,10 +25,10 @@ DEAF_S = 0.5
 
 
 class ScriptedGrbl(PtyPeer):
-    """Answers as Grbl does; a test plants faults through ``replies`` and `say`.
+    """Controller that answers like Grbl; a test injects faults by ``replies`` and `say`.
 
-    ``replies`` maps a pattern of a command line to the bytes that are said instead
-    of carrying the line out.
+    ``replies`` maps a pattern to bytes. A command line that matches the pattern is answered with
+    these bytes and is not executed.
     """
 
     def __init__(self):

@@ -12,8 +12,8 @@ from pty_peer import PtyPeer
 VELOCITY_UNIT_COUNTS_S = 0.229 / 60 * 4096
 
 STALL_S = 0.05
-"""A turn that comes later than this: a busy computer gave this servo no core, and a real one
-would have heard its driver meanwhile. Its watchdog does not count that time."""
+"""If the thread of this servo runs later than this [s], the computer was busy. A real servo would
+have received packets of its driver in the meantime, so the watchdog does not count this time."""
 
 TABLE = (
     (0, 2, 1020), (6, 1, 45), (7, 1, 1), (11, 1, 3), (31, 1, 80), (38, 2, 1193), (44, 4, 200),
@@ -45,7 +45,7 @@ def compute_crc(data):
 
 
 class ServoModel:
-    """Registers and shaft; turns at the profile velocity and holds its watchdog.
+    """Registers and shaft of a servo, which turns at the profile velocity and has a bus watchdog.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class ServoModel:
 
 
 class ScriptedServo(ServoModel, PtyPeer):
-    """Answers packets; a test plants faults."""
+    """Servo that answers packets; a test injects faults."""
 
     def __init__(self):
         ServoModel.__init__(self)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers in place of the sensor and of another driver."""
+"""Publishers that replace the sensor and another driver."""
 
 import threading
 import time
@@ -49,7 +49,7 @@ class Peers:
 
     def _publish(self, tension_n):
         taken_at_ns = time.time_ns() - round(self.delay_s * 1e9)
-        # A pipe that gets longer delivers old samples slowly, and none before an earlier one.
+        # If the delay increases, old samples arrive slowly, and the order of samples is kept.
         self._taken_at_ns = max(self._taken_at_ns + 1, taken_at_ns)
         stamp_ns = self._taken_at_ns + round(self.step_s * 1e9)
         block = StrainBlock(sequence=self.published, tension_n=[tension_n], status=self.status)

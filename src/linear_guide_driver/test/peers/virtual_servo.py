@@ -15,13 +15,13 @@ from linear_guide_driver.dynamixel.bus import DynamixelBus
 
 STEP_NS = 8_000_000
 EXCHANGE_NS = 1_000_000
-"""Duration of a question and its answer."""
+"""Duration of a request and its answer [ns]."""
 
 TIMEOUT_NS = 36_000_000
-"""Time for which the SDK waits for an answer at 1 Mbaud: twice its latency timer, and some."""
+"""Time for which the SDK waits for an answer at 1 Mbaud [ns]: a little over two latency timers."""
 
 LATE_NS = 70_000_000
-"""After its question a late answer arrives: after the next question."""
+"""Delay of a late answer [ns], which therefore arrives after the next request."""
 
 
 class VirtualTime:
@@ -90,7 +90,7 @@ class VirtualServo(ServoModel):
 
 
 class VirtualLine:
-    """The line between driver and servo; a test plants faults.
+    """Serial line between driver and servo; a test injects faults.
 
     Attributes
     ----------

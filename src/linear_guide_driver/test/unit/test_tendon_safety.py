@@ -36,7 +36,7 @@ def make_unconfirmed(watchdogs=(), **changes):
 
 
 def make(watchdogs=(), **changes):
-    """Safety with a confirmed zero and a live sensor that reads a slack tendon."""
+    """Return a `TendonSafety` with a confirmed zero, whose live sensor reads a slack tendon."""
     safety = make_unconfirmed(watchdogs, **changes)
     sense(safety, 0.0, 0.0)
     return safety

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random sequences of everything that can happen to a tendon, its servo and its bus.
 
-The real client runs in virtual time, without its thread. The tension is whatever a rule says,
-however the tendon moves: safety must not rest on a plausible one. For a long run, set
-TENDON_SEQUENCES to the number of sequences.
+The real client runs in virtual time, without its thread. The tension is chosen at random and does
+not depend on the motion of the tendon, because safety must also hold for an implausible tension.
+For a long run, set TENDON_SEQUENCES to the number of sequences.
 """
 
 from contextlib import contextmanager, suppress
@@ -37,16 +37,16 @@ SEQUENCES = int(os.environ.get('TENDON_SEQUENCES', '30'))
 SPEED_M_S = 0.02
 SILENT = logging.Logger('silent', logging.CRITICAL)
 HEALED_S = 6.0
-"""After an outage: the longest back-off, and the servo comes to rest."""
+"""Time after an outage [s]: the longest back-off, and the time until the servo is at rest."""
 
 ON_THE_WAY_COUNTS = 6
-"""0.1 mm: the servo moves on while its position is read and a goal is written."""
+"""0.1 mm [counts]: the servo moves this far between a read of its position and the next write."""
 
 WRITING_NS = 20_000_000
-"""Longest time from a goal's admission until it is written: some exchanges."""
+"""Longest time [ns] from the admission of a goal until it is written: a few exchanges."""
 
 SETTLED_NS = 100_000_000
-"""Some polls, after which a limit that is exceeded has been acted upon."""
+"""Time [ns] of a few polls, after which the driver must have reacted to an exceeded limit."""
 
 FAULTS = ('silent', 'mute', 'refused', 'late', 'doubled')
 WRITE = 3
@@ -462,7 +462,7 @@ class Tendon(RuleBasedStateMachine):
 
     @rule(current=st.sampled_from([1193, 50]), velocity=st.sampled_from([0, 200, 3]))
     def change_registers(self, current, velocity):
-        """Let registers differ that a driver has written."""
+        """Change registers that the driver has written."""
         if self.servo.table[64] and self.servo.table[98] not in (0, 255):
             self.servo.put(102, 2, current)
             self.servo.put(112, 4, velocity)
@@ -483,7 +483,7 @@ class Tendon(RuleBasedStateMachine):
 
     @rule(counts=st.sampled_from([-2000, -300, -70, -5]))
     def slip(self, counts):
-        """Let the load turn the shaft out, and the goal with it."""
+        """Let the load turn the shaft and its goal in the direction that slackens the tendon."""
         if not self.pull and self.slipped_counts + counts >= -2000:  # further, it is a jump
             self.slipped_counts += counts
             self.servo.turn_to(self.servo.position + counts)
@@ -573,7 +573,7 @@ class Tendon(RuleBasedStateMachine):
         assert self.servo is self.own, f'another servo is written to: {written}'
 
     def check_goal(self, goal, present, velocity):
-        """Check a goal that is written: only what may tighten tightens, and as it was asked."""
+        """Check a written goal: it tightens only if a pull may, and not beyond the request."""
         if goal <= present + ON_THE_WAY_COUNTS:
             return
         pull = self.pull
@@ -608,9 +608,9 @@ class Tendon(RuleBasedStateMachine):
         assert 0 < self.servo.get(102, 2) <= limit, f'current {self.servo.get(102, 2)}'
 
     def note(self):
-        """Note since when something is wrong that the driver can see."""
+        """Record since when there is a problem that the driver can detect."""
         is_seen = not (self.monitor.outage or self.line.faults) and self.can_be_reached
-        # Without a zero, a doubtful tare is no loss: it is unknown whether the tendon is taut.
+        # While the zero is unknown, a doubtful tare is no loss: the tendon may be slack.
         is_doubted = (
             self.safety.zero is not Zero.UNKNOWN
             and self.safety.tension.find_loss(self.now_ns) is not None
@@ -623,7 +623,7 @@ class Tendon(RuleBasedStateMachine):
             self.lost_since_ns = None
         elif self.lost_since_ns is None:
             self.lost_since_ns = self.now_ns
-        # Unlike after a loss, no cancelled goal postpones it.
+        # Unlike after a loss, a cancelled goal does not postpone slackening.
         to_slack = self.pull and self.pull.slackens
         if not (is_seen and self.is_stopped and is_taut) or to_slack or self.is_busy:
             self.stopped_since_ns = None
@@ -765,6 +765,6 @@ Tendon.TestCase.settings = settings(
     max_examples=SEQUENCES,
     stateful_step_count=40,
     deadline=None,
-    # A sequence takes too long to be shortened.
+    # Hypothesis does not shrink a failing sequence, because each run takes too long.
     phases=[Phase.explicit, Phase.reuse, Phase.generate],
 )

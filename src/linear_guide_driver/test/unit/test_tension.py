@@ -60,7 +60,7 @@ def safety():
 
 
 def make(**changes):
-    """Safety with a known zero and a confirmed tare."""
+    """Return a `TendonSafety` with a known zero and a confirmed tare."""
     safety = TendonSafety(dataclasses.replace(CONFIG, **changes))
     safety.set_zero(Zero.UNCONFIRMED)
     Sensor(safety, sequence=-1).send(0)
