@@ -154,7 +154,7 @@ class Manifest:
 
         Raises ModelFileError if an entry is missing, invalid or unknown.
         """
-        fields = {'parameters': {}, **check_version(entries)}
+        fields = check_version(entries)
         _check_types(fields)
         fields['spec'] = parse_spec(fields)
         del fields[DIGEST]
@@ -290,9 +290,13 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
 
 
 def read_known_novelty(manifest: Manifest) -> HeldOutNovelty | None:
-    """Return the novelties of held-out trials, or None if the manifest contains none."""
-    entry = manifest.calibration.get(KNOWN_NOVELTY)
-    return None if entry is None else HeldOutNovelty.read(entry)
+    """Return the novelties of held-out trials; None for a model that knows no novelty.
+
+    Raises ModelFileError if the entry is missing or damaged.
+    """
+    if manifest.confidence.novelty_threshold < 0.0:
+        return None
+    return HeldOutNovelty.read(manifest.calibration.get(KNOWN_NOVELTY))
 
 
 MAX_SESSIONS = 12
@@ -307,18 +311,18 @@ def describe_thresholds(manifest: Manifest) -> dict[str, str]:
     other sessions.
     """
     threshold, calibration = manifest.confidence.novelty_threshold, manifest.calibration
-    if threshold < 0.0:
+    known = read_known_novelty(manifest)
+    if known is None:
         return {}
     is_strict = calibration.get('strict') is True
     things, rate = format_groups(calibration), manifest.false_alarm_rate
-    known = read_known_novelty(manifest)
     scope = ''
-    if known is not None and known.names:
+    if known.names:
         scope = f' in most new {things}' if is_strict else f' on average over {things}'
     facts = {
         'unknown': f'above novelty {threshold:.2f}, for {100 * rate:g} % false rejection{scope}'
     }
-    if known is not None and known.names and rate > 0.0:
+    if rate > 0.0:
         for strict, name in ((False, 'mean'), (True, 'strict')):
             shares = known.reject_sessions(rate, strict=strict)
             if shares:

@@ -9,9 +9,7 @@ from collections.abc import Iterable, Mapping
 import dataclasses
 from functools import cached_property
 import hashlib
-import math
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -50,18 +48,20 @@ class Prediction:
     reason : str
         One sentence if the label is ``'unknown'`` or ``'no answer'``; otherwise empty.
     probabilities : mapping of str to float
-        Probability of each label, calibrated on held-out trials. If it is empty, ``missing``
-        states why.
+        Probability of each label, calibrated on held-out trials. Empty if the model is not
+        calibrated, or if the label is ``'no answer'``.
     scores : mapping of str to float
         Score of each label; a higher score means a more likely label. If the model is calibrated,
-        the scores equal ``probabilities``.
+        the scores equal ``probabilities``. Empty if the label is ``'no answer'``.
     novelty, novelty_threshold : float or None
         Distance to the training trials [1]. If it exceeds the threshold, the window is unknown.
+        None if the model has no novelty measure.
     p_value : float or None
         Fraction of held-out trials of known labels that are at least as novel as this window [1].
         A small value means that the window is unlike the training trials.
-    missing : tuple of str
-        If probabilities, novelty or p-value are not available, one sentence for each.
+
+    A model that was trained on too few trials has no probabilities and no novelty. The reason is
+    in ``manifest.calibration['reason']`` of the model.
     """
 
     label: str
@@ -71,20 +71,9 @@ class Prediction:
     novelty: float | None = None
     novelty_threshold: float | None = None
     p_value: float | None = None
-    missing: tuple[str, ...] = ()
 
 
-class _Judged(NamedTuple):
-    """Result for one window of features.
-
-    If there are no scores, ``scores`` is empty. If there is no novelty, ``novelty`` is -1.
-    """
-
-    outcome: PredictionOutcome
-    label: str = ''
-    reason: str = ''
-    scores: tuple[float, ...] = ()
-    novelty: float = -1.0
+_OUTCOMES = {UNKNOWN: PredictionOutcome.UNKNOWN, NO_ANSWER: PredictionOutcome.NO_FEATURES}
 
 
 def load_model(path: str | Path) -> TactileModel:
@@ -249,10 +238,8 @@ class TactileModel:
         except DatasetError as error:
             raise DatasetError(f'model {self.model_id}: {error}') from error
         if found.reason is not None:
-            judged = _Judged(PredictionOutcome.NO_FEATURES, reason=found.reason)
-        else:
-            judged = self._judge(found.values)
-        return self._answer_of(judged)
+            return Prediction(NO_ANSWER, found.reason)
+        return self._add_p_value(self._judge(found.values))
 
     @cached_property
     def _samples(self) -> SampleWindow:
@@ -377,21 +364,14 @@ class TactileModel:
         are the same as in `novelty`.
         """
         novelty = self.novelty(windows, speed_m_s=speed_m_s)
-        found = [self._compute_p_value(each) for each in novelty.tolist()]
-        if None in found:
-            raise DatasetError(
-                f'model {self.model_id} has no p-values, because its file has no novelties of '
-                'held-out trials: train it again'
-            )
-        return np.array(found, dtype=np.float64)
+        return np.array([self._compute_p_value(each) for each in novelty.tolist()])
 
     @property
     def _why_raw(self) -> str:
         return str(self.manifest.calibration.get('reason', 'train it again'))
 
-    def _compute_p_value(self, novelty: float) -> float | None:
-        if self._known_novelty is None:
-            return None
+    def _compute_p_value(self, novelty: float) -> float:
+        assert self._known_novelty is not None  # the file has novelties of held-out trials
         strict = self.manifest.calibration.get('strict') is True
         return self._known_novelty.compute_p_value(novelty, strict=strict)
 
@@ -436,20 +416,21 @@ class TactileModel:
 
         If the novelty of the window is above the threshold, the result is unknown.
         """
-        judged = self._judge_window(window)
+        found = self._judge_window(window)
+        outcome = _OUTCOMES.get(found.label, PredictionOutcome.LABEL)
         return WindowPrediction(
             task=self.manifest.task,
             trial_id=window.trial_id,
             contact=window.contact,
             model_id=self.model_id,
             simulated=window.simulated or self.manifest.simulated,
-            outcome=judged.outcome,
-            label=judged.label,
-            reason=judged.reason,
+            outcome=outcome,
+            label=found.label if outcome == PredictionOutcome.LABEL else '',
+            reason=found.reason,
             labels=self.labels,
-            scores=judged.scores,
+            scores=tuple(found.scores.values()),
             score_kind=self.manifest.score_kind,
-            novelty=judged.novelty,
+            novelty=-1.0 if found.novelty is None else found.novelty,
             novelty_threshold=self.manifest.confidence.novelty_threshold,
             window_start_ns=window.window_start_ns,
             window_end_ns=window.window_end_ns,
@@ -459,33 +440,37 @@ class TactileModel:
 
     def answer(self, window: FeatureWindow) -> Prediction:
         """Like `classify_window`, but returns the same type as `classify`."""
-        return self._answer_of(self._judge_window(window))
+        return self._add_p_value(self._judge_window(window))
 
-    def _judge_window(self, window: FeatureWindow) -> _Judged:
+    def _judge_window(self, window: FeatureWindow) -> Prediction:
         reason = self._find_obstacle(window)
-        if reason is not None:
-            return _Judged(PredictionOutcome.NO_FEATURES, reason=reason)
-        return self._judge(window.values)
+        return self._judge(window.values) if reason is None else Prediction(NO_ANSWER, reason)
 
-    def _judge(self, values: npt.NDArray[np.float64]) -> _Judged:
-        """Classify the features of one window, shape (k,)."""
-        threshold = self.manifest.confidence.novelty_threshold
+    def _judge(self, values: npt.NDArray[np.float64]) -> Prediction:
+        """Classify the features of one window, shape (k,); the result has no p-value."""
         found = self.compute(values[np.newaxis])
-        scores = tuple(found.scores[0].tolist())
-        novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
-        if not all(map(math.isfinite, (*scores, novelty))):
-            reason = 'the scores of these features are not finite'
-            return _Judged(PredictionOutcome.NO_FEATURES, reason=reason)
-        if novelty > threshold >= 0.0:
+        if not _are_finite(found)[0]:
+            return Prediction(NO_ANSWER, 'the scores of these features are not finite')
+        label, reason = self.labels[int(found.answer[0])], ''
+        scores = dict(zip(self.labels, found.scores[0].tolist(), strict=True))
+        probabilities = scores if self.manifest.score_kind == PROBABILITY else {}
+        if not len(found.novelty):
+            return Prediction(label, reason, probabilities, scores)
+        novelty = float(found.novelty[0])
+        threshold = self.manifest.confidence.novelty_threshold
+        if novelty > threshold:
+            label = UNKNOWN
             reason = (
                 f'unlike all training trials: novelty {novelty:.3g} exceeds the threshold '
                 f'{threshold:.3g}'
             )
-            return _Judged(
-                PredictionOutcome.UNKNOWN, reason=reason, scores=scores, novelty=novelty
-            )
-        label = self.labels[int(found.answer[0])]
-        return _Judged(PredictionOutcome.LABEL, label, '', scores, novelty)
+        return Prediction(label, reason, probabilities, scores, novelty, threshold)
+
+    def _add_p_value(self, found: Prediction) -> Prediction:
+        """Return the prediction with its p-value, which a node does not need."""
+        if found.novelty is None:
+            return found
+        return dataclasses.replace(found, p_value=self._compute_p_value(found.novelty))
 
     def _find_obstacle(self, window: FeatureWindow) -> str | None:
         """Return why a window cannot be classified, or None."""
@@ -529,34 +514,6 @@ class TactileModel:
         return (
             'the features have another specification than in training '
             f'(digest {digest} instead of {spec.digest}, with {values}): {_REMEDY}'
-        )
-
-    def _answer_of(self, judged: _Judged) -> Prediction:
-        calibration = self.manifest.calibration
-        threshold = self.manifest.confidence.novelty_threshold
-        scores = dict(zip(self.labels, judged.scores, strict=False))
-        is_probability = self.manifest.score_kind == PROBABILITY
-        has_novelty = judged.novelty >= 0.0
-        p_value = self._compute_p_value(judged.novelty) if has_novelty else None
-        missing = []
-        if judged.outcome != PredictionOutcome.NO_FEATURES:
-            why = calibration.get('reason', 'the raw scores were better in held-out sessions')
-            if not is_probability:
-                missing.append(f'no probabilities, scores are {self.manifest.score_kind}: {why}')
-            if not has_novelty:
-                missing.append(f'no novelty, never unknown: {calibration.get("reason", "")}')
-            elif p_value is None:
-                missing.append('no p-value, the file has no held-out novelties: train it again')
-        names = {PredictionOutcome.UNKNOWN: UNKNOWN, PredictionOutcome.NO_FEATURES: NO_ANSWER}
-        return Prediction(
-            label=names.get(judged.outcome, judged.label),
-            reason=judged.reason,
-            probabilities=scores if is_probability else {},
-            scores=scores,
-            novelty=judged.novelty if has_novelty else None,
-            novelty_threshold=threshold if threshold >= 0.0 else None,
-            p_value=p_value,
-            missing=tuple(missing),
         )
 
 

@@ -233,12 +233,11 @@ def test_the_p_value_is_at_most_the_rate_where_the_window_is_unknown(sessions, t
         known, strange = (make_rows(label, 95, 1, 60.0, 180)[0] for label in (1, 5))
         answer = model.classify((1 - share) * known + share * strange, 60)
         assert (answer.label == UNKNOWN) == (answer.p_value <= 0.05)
-        assert answer.missing == ()
         p_values.append(answer.p_value)
     assert min(p_values) < 0.05 < max(p_values) <= 1.0
 
 
-def test_a_file_without_held_out_novelties_says_so(model):
+def test_a_file_with_damaged_held_out_novelties_is_refused(model):
     calibration = {k: v for k, v in model.manifest.calibration.items() if k != 'held_out_novelty'}
 
     def change(new):
@@ -246,11 +245,8 @@ def test_a_file_without_held_out_novelties_says_so(model):
         arrays = open_container(Path(model.path).read_bytes()).arrays
         return TactileModel(pack_container(changed.to_dict(), arrays))
 
-    samples = make_rows(1, 91, 1, 60.0, 180)[0]
-    old, new = change({}).classify(samples, 60), model.classify(samples, 60)
-    assert (old.p_value, new.p_value > 0.05) == (None, True)
-    assert old.missing == ('no p-value, the file has no held-out novelties: train it again',)
-    assert dataclasses.replace(new, p_value=None, missing=old.missing) == old
+    with pytest.raises(ModelFileError, match='novelties of held-out trials are damaged'):
+        change({})
     damaged = (
         {'names': [], 'sessions': [[1.0], [2.0]]},
         {'names': ['a'], 'sessions': [[]]},
@@ -267,14 +263,14 @@ def test_a_file_without_held_out_novelties_says_so(model):
             change({'held_out_novelty': entry})
 
 
-def test_an_uncalibrated_model_says_what_is_missing(tmp_path):
+def test_an_uncalibrated_model_has_raw_scores_alone_and_says_why(tmp_path):
     table = table_of_rows('texture', FeatureConfig(), 180, sessions=1, each=4)
-    answer = write_model(tmp_path / 'm.npz', train(table, 'knn')).classify(
-        make_rows(1, 91, 1, 60.0, 180)[0], 60
-    )
+    model = write_model(tmp_path / 'm.npz', train(table, 'knn'))
+    rows = make_rows(1, 91, 1, 60.0, 180)
+    answer = model.classify(rows[0], 60)
     assert answer.label == 'plate 1'
     assert (answer.probabilities, answer.novelty, answer.p_value) == ({}, None, None)
     assert max(answer.scores, key=answer.scores.get) == 'plate 1'
-    probabilities, novelty = answer.missing
-    assert probabilities.startswith('no probabilities, scores are votes: a threshold with a false')
-    assert novelty.startswith('no novelty, never unknown: a threshold with a false')
+    for ask in (model.predict_proba, model.novelty, model.p_value):
+        with pytest.raises(DatasetError, match='a threshold with a false'):
+            ask(rows)

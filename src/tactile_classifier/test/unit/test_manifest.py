@@ -58,7 +58,12 @@ GOOD = Manifest(
     },
     created='2026-01-02T03:04:05+00:00',
     confidence=Confidence(1.5, 2.0, 0.0, 0.1, 0.05, 0.9),
-    calibration={'split': 'one session held out', 'groups': 3, 'strict': True},
+    calibration={
+        'split': 'one session held out',
+        'groups': 3,
+        'strict': True,
+        'held_out_novelty': {'names': ['mon', 'tue', 'wed'], 'sessions': [[0.5, 1.5]] * 3},
+    },
 )
 
 
@@ -112,8 +117,7 @@ def test_tampered_manifest_is_refused(changes, named):
 
 
 def test_missing_entry_is_named():
-    optional = {'parameters'}  # files of this format from before do not state it
-    for field in GOOD.to_dict().keys() - {'format_version'} - optional:
+    for field in GOOD.to_dict().keys() - {'format_version'}:
         content = GOOD.to_dict()
         del content[field]
         with pytest.raises(ModelFileError, match=f'"{field}"'):
@@ -235,6 +239,10 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
 )
 def test_the_card_says_what_was_and_was_not_tested(changes, present, absent):
     fields = {'task': 'texture', 'simulated': False, **changes}
+    fields['calibration'] = {
+        **fields.get('calibration', GOOD.calibration),
+        'held_out_novelty': GOOD.calibration['held_out_novelty'],
+    }
     card = format_card(dataclasses.replace(GOOD, **fields))
     assert [text for text in present if text not in card] == []
     assert [text for text in absent if text in card] == []
@@ -319,7 +327,7 @@ def test_the_card_states_both_thresholds_by_session_with_the_worst_one():
         **GOOD.calibration,
         'strict': False,
         'held_out_novelty': known.to_dict(),
-        'unlearned': {'labels': 4, 'auroc': 0.9, 'miss_rate': 0.2, 'strict_miss_rate': 0.6},
+        'unlearned': {'labels': 4, 'miss_rate': 0.2, 'strict_miss_rate': 0.6},
     }
     manifest = dataclasses.replace(GOOD, calibration=calibration, false_alarm_rate=0.1)
     facts = list_facts(manifest)
