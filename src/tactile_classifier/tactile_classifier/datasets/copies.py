@@ -32,7 +32,6 @@ of the sensor, and the features are divided by this noise.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 import hashlib
 
 import numpy as np
@@ -61,9 +60,6 @@ A label whose trials are all copies has a smaller deviation.
 SAMPLED = 500
 """Maximum number of trials that are used to estimate the eigenvalues."""
 
-BLOCK = 2**20
-"""Number of distances that are computed together in one block."""
-
 
 def digest_rows(values: Matrix) -> list[str]:
     """Return a digest of each row, 16 hex digits; see `FeatureTable.digest_trials`."""
@@ -88,6 +84,8 @@ def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
     -------
     ndarray of int, shape (trials,)
     """
+    from sklearn.cluster import DBSCAN  # not needed for reading a model file
+
     seen: dict[bytes, int] = {}
     rows_in_order = enumerate(values + 0.0)  # replaces -0.0 by 0.0
     first = np.array([seen.setdefault(row.tobytes(), i) for i, row in rows_in_order], np.intp)
@@ -97,12 +95,12 @@ def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
     limit = _compute_limit(scaled, len(counts), float(counts @ (counts - 1)) / 2)
     for label in range(len(counts)):
         (rows,) = np.nonzero((code == label) & (first == np.arange(len(first))))
-        if not len(rows):
-            continue
-        for near, other in _find_near(scaled[rows], limit):
-            if len(near) > len(np.unique(near)):  # each row is a neighbour of itself
-                first = _join(first, rows[near], rows[other])
-    return first
+        if limit > 0.0 and len(rows) > 1:
+            # With min_samples=1, the clusters are the connected groups of near trials.
+            group = DBSCAN(eps=np.sqrt(limit), min_samples=1).fit_predict(scaled[rows])
+            earliest = np.unique(group, return_index=True)[1]
+            first[rows] = rows[earliest[group]]
+    return first[first]
 
 
 def _scale_within_labels(values: Matrix, code: IndexArray) -> Matrix:
@@ -124,7 +122,7 @@ def _scale_within_labels(values: Matrix, code: IndexArray) -> Matrix:
 
 def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
     """Return the squared distance, summed over the features, below which trials are copies."""
-    from scipy.special import gammaincinv  # not needed for reading a model file
+    from scipy.special import gammaincinv
 
     trials = len(scaled)
     freedom = trials - labels
@@ -137,28 +135,3 @@ def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
     freedoms = np.arange(1, len(largest) + 1)
     quantiles = 2.0 * gammaincinv(freedoms / 2.0, CHANCE / pairs)  # of chi-squared
     return float(FRACTION**2 * np.max(2.0 * largest * quantiles))
-
-
-def _find_near(scaled: Matrix, limit: float) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Yield the pairs of rows whose squared distance is at most ``limit``, block by block."""
-    square = np.square(scaled).sum(axis=1)
-    step = max(1, BLOCK // len(scaled))
-    for start in range(0, len(scaled), step):
-        block = slice(start, start + step)
-        product = scaled[block] @ scaled.T
-        near, other = np.nonzero(square[block, np.newaxis] + square - 2.0 * product <= limit)
-        yield near + start, other
-
-
-def _join(first: IndexArray, a: IndexArray, b: IndexArray) -> IndexArray:
-    """Return ``first`` updated with the fact that trials ``a`` are copies of trials ``b``."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    trials = np.arange(len(first))
-    links = np.concatenate([a, trials]), np.concatenate([b, first])
-    graph = coo_matrix((np.ones(len(links[0]), dtype=bool), links), shape=2 * (len(first),))
-    count, group = connected_components(graph, directed=False)
-    earliest = np.full(count, len(first), dtype=np.intp)
-    np.minimum.at(earliest, group, trials)
-    return np.asarray(earliest[group])
