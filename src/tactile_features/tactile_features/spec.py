@@ -12,7 +12,6 @@ from functools import cached_property, lru_cache
 import hashlib
 import json
 import math
-import re
 from typing import Any
 
 from tactile_features.config import FeatureConfig
@@ -38,7 +37,6 @@ show smaller differences."""
 _DIGEST_DIGITS = 16
 
 _MOST_CHANNELS = 8  # largest number of channels that a text lists by name
-_NUMBER_AT_END = re.compile(r'\d+(\.\d+)?$')
 
 
 def is_same_rate(first_hz: float, second_hz: float) -> bool:
@@ -237,7 +235,8 @@ class FeatureSpec:
 
         A parameter or a channel is compared only if both specifications have it, because windows
         that are already cut have fewer parameters, and live signals have no channel name. Rates
-        are compared with `is_same_rate`.
+        are compared with `is_same_rate`. Feature set, version, length and options determine the
+        names of the features, except for the frequencies in them.
         """
         pairs = [
             ('feature set', self.feature_set, other.feature_set),
@@ -261,17 +260,11 @@ class FeatureSpec:
         for what, mine, theirs in pairs:
             if mine != theirs:
                 return f'the {what} differs: required {mine}, found {theirs}'
-        if not self._has_names_of(other) or self.units != other.units:
+        # Names can contain frequencies, so they are compared only if the rates are equal.
+        has_names = self.rate_hz != other.rate_hz or self.names == other.names
+        if not has_names or self.units != other.units:
             return 'the names or units of the features differ'
         return None
-
-    def _has_names_of(self, other: FeatureSpec) -> bool:
-        """Return True if the names are equal, except for the frequencies of nearly equal rates."""
-        if self.names == other.names:
-            return True
-        if self.rate_hz == other.rate_hz or len(self.names) != len(other.names):
-            return False
-        return all(map(_differ_by_rate, self.names, other.names))
 
     def describe_channel(self) -> str:
         """Return a text with the used and the unused channels; empty if there is only one."""
@@ -279,19 +272,6 @@ class FeatureSpec:
             return f'{self.channel} of {len(self.channels)} ({_list_some(self.channels)})'
         unused = [name for name in self.channels if name != self.channel]
         return f'{self.channel}; not used: {_list_some(unused)}' if unused else ''
-
-
-def _differ_by_rate(first: str, second: str) -> bool:
-    found = [_NUMBER_AT_END.search(name) for name in (first, second)]
-    if (
-        found[0] is None
-        or found[1] is None
-        or first[: found[0].start()] != second[: found[1].start()]
-    ):
-        return first == second
-    values = [float(each.group()) for each in found if each]
-    # Names have three decimals.
-    return abs(values[0] - values[1]) <= SAME_RATE * max(values) + 1e-3
 
 
 def _list_some(names: Sequence[str]) -> str:
