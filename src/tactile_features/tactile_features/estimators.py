@@ -45,9 +45,14 @@ def validate_data(estimator: Any, *arrays: Any, **options: Any) -> Any:
 class FeatureTransformer(TransformerMixin, BaseEstimator):
     """Base class of the transformers.
 
-    To use a feature set of another package in a pipeline, derive a class from this one. Set
-    ``feature_set`` to the name of the feature set, and write a constructor that stores
-    ``rate_hz``.
+    To use a feature set of another package in a pipeline, derive a class from this one, and set
+    ``feature_set`` to the name of the feature set. If ``options`` are added, the constructor must
+    store them, in addition to ``rate_hz``.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Sample rate of the windows [Hz].
 
     Attributes
     ----------
@@ -64,7 +69,8 @@ class FeatureTransformer(TransformerMixin, BaseEstimator):
     feature_set: ClassVar[str]
     options: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
-    rate_hz: float
+    def __init__(self, rate_hz: float = 60.0) -> None:
+        self.rate_hz = rate_hz
 
     def fit(self: _Fitted, X: ArrayLike, y: Any = None) -> _Fitted:  # noqa: N803
         """Check the parameters, and store the specification of the features.
@@ -212,9 +218,6 @@ class StiffnessRegression(FeatureTransformer):
 
     feature_set = 'stiffness_regression'
 
-    def __init__(self, rate_hz: float = 60.0) -> None:
-        self.rate_hz = rate_hz
-
 
 class StiffnessRelaxation(FeatureTransformer):
     """The features of `StiffnessRegression`, and the ratio of slope to intercept [1/s].
@@ -230,9 +233,6 @@ class StiffnessRelaxation(FeatureTransformer):
 
     feature_set = 'stiffness_relaxation'
 
-    def __init__(self, rate_hz: float = 60.0) -> None:
-        self.rate_hz = rate_hz
-
 
 class GlideWaveform(FeatureTransformer):
     """The tension of windows of a glide [N], averaged to at most 600 equal parts.
@@ -247,9 +247,6 @@ class GlideWaveform(FeatureTransformer):
 
     feature_set = 'glide_waveform'
 
-    def __init__(self, rate_hz: float = 60.0) -> None:
-        self.rate_hz = rate_hz
-
 
 class HoldWaveform(FeatureTransformer):
     """The tension of windows of a hold [N], averaged to at most 100 equal parts.
@@ -261,9 +258,6 @@ class HoldWaveform(FeatureTransformer):
     """
 
     feature_set = 'hold_waveform'
-
-    def __init__(self, rate_hz: float = 60.0) -> None:
-        self.rate_hz = rate_hz
 
 
 class SpatialTransformer(FeatureTransformer):
