@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 from scipy.stats import t as student_t
 
 from tactile_classifier.confidence.calibration import Calibration
-from tactile_classifier.confidence.fit_novelty import compute_auroc, fit_measure
+from tactile_classifier.confidence.fit_novelty import fit_measure
 from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty
 from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.datasets.conditions import find_cells
@@ -82,7 +82,11 @@ class GroupFolds:
 
     def divide(self, novelty: Matrix) -> HeldOutNovelty:
         """Divide the novelties of held-out trials, shape (trials,), into those of each session."""
-        return HeldOutNovelty.divide(novelty, self.session, self.names)
+        if self.session is None:
+            return HeldOutNovelty((novelty,))
+        found = np.unique(self.session)
+        parts = tuple(novelty[self.session == i] for i in found)
+        return HeldOutNovelty(parts, tuple(self.names[i] for i in found))
 
     def take(self, keep: npt.NDArray[np.bool_]) -> GroupFolds:
         """Return the folds of a subset of the trials."""
@@ -245,14 +249,12 @@ def fit_novelty(table: FeatureTable, folds: GroupFolds) -> tuple[NoveltyMeasure,
 class UnlearnedLabels:
     """Results of leaving one label at a time out of the training.
 
-    ``labels`` is the number of labels. ``auroc`` is the probability that a trial of the left-out
-    label is more novel than a trial of a known label; negative if unknown. ``miss_rate`` and
-    ``strict_miss_rate`` are the fractions of the trials of left-out labels that are not rejected
-    by the default and by the strict threshold [1].
+    ``labels`` is the number of labels. ``miss_rate`` and ``strict_miss_rate`` are the fractions of
+    the trials of left-out labels that are not rejected by the default and by the strict threshold
+    [1].
     """
 
     labels: int
-    auroc: float
     miss_rate: float
     strict_miss_rate: float
 
@@ -260,13 +262,12 @@ class UnlearnedLabels:
 def leave_labels_out(
     table: FeatureTable, folds: GroupFolds, false_alarm_rate: float
 ) -> UnlearnedLabels | None:
-    """Measure how well trials of a label are rejected if the label was not in the training.
+    """Measure how well the trials of a label are rejected if the label was not in the training.
 
-    Returns None if fewer than two labels would remain, or too few trials for a threshold with
-    this false alarm rate.
+    Returns None if there are fewer than three labels, or too few trials for a threshold with this
+    false alarm rate.
     """
     missed: list[list[float]] = []
-    areas = []
     labels = np.unique(table.labels)
     if len(labels) < 3:
         return None
@@ -282,13 +283,7 @@ def leave_labels_out(
         except TooFewTrialsError:
             return None
         missed.append([float(np.mean(novelty[is_new] <= threshold)) for threshold in thresholds])
-        areas += [
-            compute_auroc(is_new[part], novelty[part])
-            for part in (folds.fold == i for i in np.unique(folds.fold))
-            if is_new[part].any() and not is_new[part].all()
-        ]
-    auroc = float(np.mean(areas)) if areas else -1.0
-    return UnlearnedLabels(len(labels), auroc, *map(float, np.mean(missed, axis=0)))
+    return UnlearnedLabels(len(labels), *map(float, np.mean(missed, axis=0)))
 
 
 def fit_calibration(scores: Matrix, true: Indices) -> Calibration:

@@ -90,14 +90,3 @@ def _median_distance(points: Matrix, fold: Indices) -> float:
     nearest = nearest[np.isfinite(nearest)]
     median = float(np.median(nearest)) if len(nearest) else 0.0
     return median if median > 0.0 else 1.0
-
-
-def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
-    """Return the area under the receiver operating characteristic [1].
-
-    This is the fraction of pairs of a new and a known trial in which the new trial has the higher
-    novelty. A tie counts as half a pair.
-    """
-    known, new = np.sort(novelty[~is_new]), novelty[is_new]
-    ranks = np.searchsorted(known, new) + np.searchsorted(known, new, side='right')
-    return float(ranks.sum() / (2 * len(known) * len(new)))

@@ -55,20 +55,6 @@ class HeldOutNovelty:
     sessions: tuple[Matrix, ...]
     names: tuple[str, ...] = ()
 
-    @classmethod
-    def divide(
-        cls, novelty: Matrix, session: npt.NDArray[np.intp] | None, names: Sequence[str]
-    ) -> HeldOutNovelty:
-        """Divide novelties into those of each session.
-
-        ``session`` contains an index into ``names`` for each trial, or is None.
-        """
-        if session is None:
-            return cls((novelty,))
-        found = np.unique(session)
-        parts = tuple(novelty[session == i] for i in found)
-        return cls(parts, tuple(names[i] for i in found))
-
     def compute_threshold(self, rate: float, *, strict: bool = False) -> float:
         """Return the novelty above which a window is unknown.
 

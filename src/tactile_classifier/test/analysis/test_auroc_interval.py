@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 from scipy.stats import norm
+from sklearn.metrics import roc_auc_score
 
-from tactile_classifier.confidence.fit_novelty import compute_auroc
 from tactile_classifier.evaluation.auroc import auroc_interval, rank_novelty
 from tactile_classifier.evaluation.intervals import wilson_interval
 
@@ -26,7 +26,7 @@ def test_area_is_that_of_pairs_and_variance_is_the_one_of_delong():
     pairs = novelty[is_new][:, None] - novelty[~is_new]
     wins = (pairs > 0) + 0.5 * (pairs == 0)
     assert ranking.auroc == pytest.approx(wins.mean())
-    assert ranking.auroc == pytest.approx(compute_auroc(is_new, novelty))
+    assert ranking.auroc == pytest.approx(roc_auc_score(is_new, novelty))
     variance = wins.mean(axis=1).var(ddof=1) / 15 + wins.mean(axis=0).var(ddof=1) / 25
     expected = wilson_interval(wins.mean(), variance, 14, 'DeLong over 15 trials')
     found = auroc_interval([[ranking]])
