@@ -11,22 +11,22 @@ from typing import Any
 from tactile_classifier.errors import ClassifierError
 from tactile_classifier.types import ModelInfo, ModelInfos, PredictionOutcome, WindowPrediction
 from tactile_ros.errors import MessageError
-from tactile_ros.message_classes import time_to_msg
-
-
-def _to_ns(stamp: Any) -> int:
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+from tactile_ros.message_classes import (
+    copy_fields,
+    enum_from_msg,
+    header_to_msg,
+    time_from_msg,
+    time_to_msg,
+)
 
 
 def model_infos_to_msg(infos: ModelInfos) -> Any:
     """Convert a record to a tactile_msgs/ModelInfos message."""
-    from std_msgs.msg import Header
-
     from tactile_msgs.msg import ModelInfo as ModelInfoMsg
     from tactile_msgs.msg import ModelInfos as ModelInfosMsg
 
     return ModelInfosMsg(
-        header=Header(stamp=time_to_msg(infos.stamp_ns)),
+        header=header_to_msg(infos.stamp_ns),
         models=[
             ModelInfoMsg(**{**dataclasses.asdict(info), 'labels': list(info.labels)})
             for info in infos.models
@@ -37,43 +37,29 @@ def model_infos_to_msg(infos: ModelInfos) -> Any:
 
 def model_infos_from_msg(message: Any) -> ModelInfos:
     """Convert a ModelInfos message of rclpy or rosbags to a record."""
-    names = [field.name for field in dataclasses.fields(ModelInfo)]
     return ModelInfos(
         models=tuple(
-            ModelInfo(
-                **{**{name: getattr(info, name) for name in names}, 'labels': tuple(info.labels)}
-            )
-            for info in message.models
+            copy_fields(info, ModelInfo, labels=tuple(info.labels)) for info in message.models
         ),
         refused=tuple(message.refused),
-        stamp_ns=_to_ns(message.header.stamp),
+        stamp_ns=time_from_msg(message.header.stamp),
     )
-
-
-_CONVERTED = ('outcome', 'labels', 'scores', 'frame_id')
-_TIMES = ('window_start_ns', 'window_end_ns')
-_AS_THEY_ARE = tuple(
-    field.name
-    for field in dataclasses.fields(WindowPrediction)
-    if field.name not in (*_CONVERTED, *_TIMES)
-)
-"""Fields with the same name and type in result and message."""
 
 
 def classification_to_msg(result: WindowPrediction) -> Any:
     """Convert a result to a tactile_msgs/Classification message."""
-    from std_msgs.msg import Header
-
     from tactile_msgs.msg import Classification
 
+    fields = dataclasses.asdict(result)
+    end_ns = fields.pop('window_end_ns')
     return Classification(
-        header=Header(stamp=time_to_msg(result.window_end_ns), frame_id=result.frame_id),
-        outcome=int(result.outcome),
-        labels=list(result.labels),
-        scores=list(result.scores),
-        window_start=time_to_msg(result.window_start_ns),
-        window_end=time_to_msg(result.window_end_ns),
-        **{name: getattr(result, name) for name in _AS_THEY_ARE},
+        header=header_to_msg(end_ns, fields.pop('frame_id')),
+        window_start=time_to_msg(fields.pop('window_start_ns')),
+        window_end=time_to_msg(end_ns),
+        outcome=int(fields.pop('outcome')),
+        labels=list(fields.pop('labels')),
+        scores=list(fields.pop('scores')),
+        **fields,
     )
 
 
@@ -87,23 +73,17 @@ def classification_from_msg(message: Any) -> WindowPrediction:
             f'scores has {len(message.scores)} entries and labels {len(message.labels)}; '
             'the numbers must be equal'
         )
-    return WindowPrediction(
-        outcome=_read_outcome(message.outcome),
+    result: WindowPrediction = copy_fields(
+        message,
+        WindowPrediction,
+        outcome=enum_from_msg(PredictionOutcome, 'outcome', message.outcome),
         labels=tuple(message.labels),
         scores=tuple(float(score) for score in message.scores),
-        window_start_ns=_to_ns(message.window_start),
-        window_end_ns=_to_ns(message.window_end),
+        window_start_ns=time_from_msg(message.window_start),
+        window_end_ns=time_from_msg(message.window_end),
         frame_id=message.header.frame_id,
-        **{name: getattr(message, name) for name in _AS_THEY_ARE},
     )
-
-
-def _read_outcome(value: Any) -> PredictionOutcome:
-    try:
-        return PredictionOutcome(value)
-    except ValueError:
-        names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in PredictionOutcome)
-        raise MessageError(f'outcome is {value}; it must be one of {names}') from None
+    return result
 
 
 def vision_class() -> Any:

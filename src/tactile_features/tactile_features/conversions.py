@@ -22,7 +22,13 @@ from tactile_features.errors import FeatureError
 from tactile_features.spec import FeatureSpec, FeatureSpecifications
 from tactile_features.types import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_ros.errors import MessageError
-from tactile_ros.message_classes import time_to_msg
+from tactile_ros.message_classes import (
+    copy_fields,
+    enum_from_msg,
+    header_to_msg,
+    time_from_msg,
+    time_to_msg,
+)
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 LARGEST_TENSION_N = 1e9
@@ -110,7 +116,7 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
     """Return the record of a ``tactile_msgs/StrainBlock``."""
     return check_block(
         StrainBlock(
-            stamp_ns=_nanoseconds(msg.header.stamp),
+            stamp_ns=time_from_msg(msg.header.stamp),
             sequence=int(msg.sequence),
             period_ns=int(msg.period_ns),
             tension_n=np.array(msg.tension_n, dtype=np.float64),
@@ -132,7 +138,7 @@ def check_record(block: StrainBlock) -> StrainBlock:
 
 def event_from_msg(msg: Any) -> TrialEvent:
     """Return the record of a ``tactile_msgs/TrialEvent``."""
-    event: TrialEvent = _copy(msg, TrialEvent, stamp_ns=_stamp_from_msg(msg.header.stamp))
+    event: TrialEvent = copy_fields(msg, TrialEvent, stamp_ns=_stamp_from_msg(msg.header.stamp))
     _check_name('phase', event.phase, _KNOWN['PHASE_'])
     _check_name('contact', event.contact, ('', *_KNOWN['CONTACT_']))
     _check_name('protocol', event.protocol, ('', *_KNOWN['PROTOCOL_']))
@@ -151,28 +157,22 @@ def event_to_msg(event: TrialEvent) -> Any:
     from tactile_msgs.msg import TrialEvent as TrialEventMsg
 
     fields = dataclasses.asdict(event)
-    return TrialEventMsg(header=_header(fields.pop('stamp_ns')), **fields)
+    return TrialEventMsg(header=header_to_msg(fields.pop('stamp_ns')), **fields)
 
 
 def feature_window_from_msg(msg: Any) -> FeatureWindow:
     """Return the record of a ``tactile_msgs/TactileFeatures``."""
     return check_window(
-        _copy(
+        copy_fields(
             msg,
             FeatureWindow,
-            outcome=_outcome_from_msg(msg.outcome),
+            outcome=enum_from_msg(WindowOutcome, 'outcome', msg.outcome),
             values=np.array(msg.values, dtype=np.float64),
             window_start_ns=_stamp_from_msg(msg.window_start),
             window_end_ns=_stamp_from_msg(msg.window_end),
             frame_id=msg.header.frame_id,
         )
     )
-
-
-def _copy(msg: Any, record: Any, **converted: Any) -> Any:
-    """Return a record with the message's fields of the same names and the converted ones."""
-    names = [field.name for field in dataclasses.fields(record) if field.name not in converted]
-    return record(**{name: getattr(msg, name) for name in names}, **converted)
 
 
 def feature_window_to_msg(window: FeatureWindow) -> Any:
@@ -182,7 +182,7 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
     fields = dataclasses.asdict(window)
     end_ns = fields.pop('window_end_ns')
     return TactileFeatures(
-        header=_header(end_ns, fields.pop('frame_id')),
+        header=header_to_msg(end_ns, fields.pop('frame_id')),
         window_start=time_to_msg(fields.pop('window_start_ns')),
         window_end=time_to_msg(end_ns),
         outcome=int(fields.pop('outcome')),
@@ -211,7 +211,7 @@ def specifications_to_msg(announced: FeatureSpecifications) -> Any:
         )
 
     return FeatureSpecificationsMsg(
-        header=_header(announced.stamp_ns),
+        header=header_to_msg(announced.stamp_ns),
         specifications=[to_msg(spec) for spec in announced.specs],
         config=json.dumps(dict(announced.config)),
     )
@@ -263,23 +263,5 @@ def _from_json(field: str, text: str) -> Any:
         raise MessageError(f'{field} is not JSON: {error}') from error
 
 
-def _header(stamp_ns: int, frame_id: str = '') -> Any:
-    from std_msgs.msg import Header
-
-    return Header(stamp=time_to_msg(stamp_ns), frame_id=frame_id)
-
-
-def _outcome_from_msg(value: Any) -> WindowOutcome:
-    try:
-        return WindowOutcome(int(value))
-    except ValueError:
-        names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in WindowOutcome)
-        raise MessageError(f'outcome is {value}; it must be one of {names}') from None
-
-
 def _stamp_from_msg(stamp: Any) -> int:
-    return check_stamp(_nanoseconds(stamp))
-
-
-def _nanoseconds(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return check_stamp(time_from_msg(stamp))

@@ -1,12 +1,18 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message classes by their ROS type name, and times in messages."""
+"""Message classes by their ROS type name, and conversion of fields that many messages have."""
 
 from __future__ import annotations
 
+import dataclasses
+from enum import IntEnum
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
+
+from tactile_ros.errors import MessageError
+
+_Enum = TypeVar('_Enum', bound=IntEnum)
 
 
 def message_class(type_name: str) -> Any:
@@ -30,3 +36,37 @@ def time_to_msg(stamp_ns: int) -> Any:
 
     sec, nanosec = divmod(stamp_ns, 1_000_000_000)
     return Time(sec=sec, nanosec=nanosec)
+
+
+def time_from_msg(stamp: Any) -> int:
+    """Return the time of a ``builtin_interfaces/Time`` [ns]."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def header_to_msg(stamp_ns: int, frame_id: str = '') -> Any:
+    """Return the ``std_msgs/Header`` of a time [ns] and a frame."""
+    from std_msgs.msg import Header
+
+    return Header(stamp=time_to_msg(stamp_ns), frame_id=frame_id)
+
+
+def enum_from_msg(kind: type[_Enum], field: str, value: Any) -> _Enum:
+    """Return the constant of an enumeration; raise `MessageError` if there is none.
+
+    ``field`` is the name of the field with this ``value``.
+    """
+    try:
+        return kind(int(value))
+    except ValueError:
+        names = ', '.join(f'{each.value} ({each.name})' for each in kind)
+        raise MessageError(f'{field} is {value}; it must be one of {names}') from None
+
+
+def copy_fields(msg: Any, record: Any, **converted: Any) -> Any:
+    """Return a record, a dataclass, of a message.
+
+    The record has the values in ``converted``. Its other fields are copied from the fields of the
+    message that have the same name.
+    """
+    names = [field.name for field in dataclasses.fields(record) if field.name not in converted]
+    return record(**{name: getattr(msg, name) for name in names}, **converted)

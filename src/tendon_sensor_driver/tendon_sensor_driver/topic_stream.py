@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactile_ros.message_classes import time_from_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.clock import Batch, Instant, SampleClock
 from tendon_sensor_driver.config import AXES, NORM, TendonSensorConfig
@@ -113,8 +114,7 @@ READERS: dict[str, Callable[[Any, TendonSensorConfig], TopicReading]] = {
 
 
 def _read_stamp(message: Any) -> int | None:
-    stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or None
+    return time_from_msg(message.header.stamp) or None
 
 
 _SECOND_NS = 1_000_000_000

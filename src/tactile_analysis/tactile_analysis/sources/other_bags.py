@@ -22,6 +22,7 @@ from tactile_analysis.sources.files import (
 )
 from tactile_analysis.sources.raw_trials import RawTrial
 from tactile_bags.bag_reader import TactileBag
+from tactile_ros.message_classes import time_from_msg
 from tactile_ros.topics import JOINT_STATE, STRAIN, WRENCH
 
 FLOATS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
@@ -139,7 +140,7 @@ def _stamp_ns(message: Any, received_at_ns: int) -> int:
     header = getattr(message, 'header', None)
     if header is None:
         return received_at_ns
-    return (header.stamp.sec * 10**9 + header.stamp.nanosec) or received_at_ns
+    return time_from_msg(header.stamp) or received_at_ns
 
 
 def _unit(type_name: str, field: str) -> str:
