@@ -16,7 +16,6 @@ from tactile_features.feature_sets.feature_set import (
     FeatureSet,
     WindowParameters,
     WindowSamples,
-    WindowSpec,
 )
 from tactile_features.feature_sets.registry import CHOOSER
 
@@ -27,9 +26,6 @@ SAMPLES = 180
 
 SPEED_M_S = 0.015
 """Sliding speed of the windows [m/s]."""
-
-FEW = 10
-"""A batch with fewer windows than this is computed three times, a larger one once."""
 
 BATCHES = (1, 6, 129, 481)
 """Numbers of windows in a batch; linear algebra uses other algorithms for large batches."""
@@ -80,166 +76,167 @@ def check_feature_set(
     FeatureSetCheckError
         The message describes the error; ``code`` is the name of the check.
     """
-    name = getattr(feature_set, 'name', feature_set.__name__)
-    _check_attributes(feature_set, name)
+    _check_attributes(feature_set)
     bound = feature_set(FeatureConfig() if config is None else config)
-    rate_hz = bound.config.rate_hz
-    speed_m_s = SPEED_M_S if feature_set.needs_speed else 0.0
-    spec = bound.window(rate_hz, speed_m_s)
-    _check_window(spec, name)
+    spec = bound.window(bound.config.rate_hz, _speed_of(bound))
+    lengths = (spec.crop_start_s, spec.crop_end_s, spec.shortest_s, spec.sample_count)
+    _require(
+        bound,
+        all(np.isfinite(length) and length >= 0 for length in lengths),
+        'window',
+        f'window() returned {spec}; its values must be finite and not negative',
+    )
+    features = _check_names(bound)
     count = spec.sample_count or SAMPLES
-    names = _check_names(bound, name, rate_hz, bound.sample_count)
+    _check_repeatable(bound, _make_windows(6, count))
     # If the features need the speed, windows are computed one by one, never in large batches.
     sizes = BATCHES[:2] if feature_set.needs_speed else BATCHES
-    kinds = [_make_windows(rows, count) for rows in sizes]
+    batches = [_make_windows(rows, count) for rows in sizes]
     if windows is not None:
-        kinds.append(np.array(windows, dtype=np.float64))
-    for batch in kinds:
-        _check_values(bound, name, batch, rate_hz, speed_m_s, len(names))
-    _check_undefined(bound, name, _make_windows(5, count), rate_hz, speed_m_s)
+        batches.append(np.array(windows, dtype=np.float64))
+    for batch in batches:
+        _check_values(bound, batch, features)
+    _check_undefined(bound, _make_windows(5, count))
 
 
-def _require(is_kept: bool, code: str, message: str) -> None:
+def _require(
+    feature_set: FeatureSet | type[FeatureSet], is_kept: bool, code: str, message: str
+) -> None:
     if not is_kept:
-        raise FeatureSetCheckError(code, message)
+        raise FeatureSetCheckError(code, f'{getattr(feature_set, "name", feature_set)}: {message}')
 
 
-def _check_attributes(feature_set: type[FeatureSet], name: str) -> None:
+def _check_attributes(feature_set: type[FeatureSet]) -> None:
     for attribute, kind in (('name', str), ('version', int), ('phase', str)):
         value = getattr(feature_set, attribute, None)
         _require(
+            feature_set,
             isinstance(value, kind),
             'attributes',
-            f'{name}: the class attribute {attribute} is {value!r}; set it to a {kind.__name__}',
+            f'the class attribute {attribute} is {value!r}; set it to a {kind.__name__}',
         )
     _require(
+        feature_set,
         feature_set.phase in CHOOSER,
         'attributes',
-        f'{name}: phase is "{feature_set.phase}"; it must be {" or ".join(CHOOSER)}',
+        f'phase is "{feature_set.phase}"; it must be {" or ".join(CHOOSER)}',
     )
     known = {field.name for field in fields(WindowParameters)}
     counted = (feature_set.count_field,) if feature_set.count_field else ()
     unknown = {*feature_set.cut, *feature_set.options, *counted} - known
     _require(
+        feature_set,
         not unknown,
         'attributes',
-        f'{name}: cut, options and count_field must name fields of FeatureConfig that feature '
-        f'sets can read; {", ".join(sorted(unknown))} is not such a field',
+        'cut, options and count_field must name fields of FeatureConfig that feature sets can '
+        f'read; {", ".join(sorted(unknown))} is not such a field',
     )
     _require(
+        feature_set,
         bool(counted) or not feature_set.can_be_early,
         'attributes',
-        f'{name}: can_be_early needs count_field: early windows have a fixed number of samples',
+        'can_be_early needs count_field: early windows have a fixed number of samples',
     )
 
 
-def _check_window(spec: WindowSpec, name: str) -> None:
-    lengths = (spec.crop_start_s, spec.crop_end_s, spec.shortest_s, spec.sample_count)
-    _require(
-        all(np.isfinite(length) and length >= 0 for length in lengths),
-        'window',
-        f'{name}: window() returned {spec}; its values must be finite and not negative',
-    )
-
-
-def _check_names(bound: FeatureSet, name: str, rate_hz: float, count: int) -> list[str]:
-    described = bound.describe(count, rate_hz)
-    names = [feature.name for feature in described]
-    again = type(bound)(bound.config).describe(count, rate_hz)
+def _check_names(bound: FeatureSet) -> int:
+    """Check the names and units of the features; return the number of features."""
+    given = bound.sample_count, bound.config.rate_hz
+    described = bound.describe(*given)
+    names = {feature.name for feature in described}
     is_text = all(isinstance(part, str) and part for feature in described for part in feature)
+    is_same = described == type(bound)(bound.config).describe(*given)
     _require(
-        bool(names) and is_text and len(set(names)) == len(names) and described == again,
+        bound,
+        bool(names) and is_text and len(names) == len(described) and is_same,
         'names',
-        f'{name}: describe() must return distinct names with units, and the same at each call',
+        'describe() must return distinct names with units, and the same at each call',
     )
-    return names
+    return len(names)
 
 
-def _compute(
-    bound: FeatureSet, tension_n: FloatArray, rate_hz: float, speed_m_s: float
-) -> FloatArray:
-    count, period_ns = tension_n.shape[-1], 1e9 / rate_hz
+def _speed_of(bound: FeatureSet) -> float:
+    return SPEED_M_S if bound.needs_speed else 0.0
+
+
+def _compute(bound: FeatureSet, tension_n: FloatArray) -> FloatArray:
+    count, rate_hz = tension_n.shape[-1], bound.config.rate_hz
     jitter = np.random.default_rng(count).uniform(-0.1, 0.1, count)
-    time_ns = np.rint((np.arange(count) + jitter) * period_ns).astype(np.int64)
-    return bound.compute(WindowSamples(time_ns, tension_n, rate_hz, speed_m_s))
+    time_ns = np.rint((np.arange(count) + jitter) * (1e9 / rate_hz)).astype(np.int64)
+    return bound.compute(WindowSamples(time_ns, tension_n, rate_hz, _speed_of(bound)))
 
 
-def _check_values(
-    bound: FeatureSet,
-    name: str,
-    batch: FloatArray,
-    rate_hz: float,
-    speed_m_s: float,
-    features: int,
-) -> None:
-    before = batch.copy()
-    values = _compute(bound, batch, rate_hz, speed_m_s)
-    found = f'{values.dtype} of shape {values.shape}'
+def _have_same_bits(one: FloatArray, other: FloatArray) -> bool:
+    return one.shape == other.shape and one.tobytes() == other.tobytes()
+
+
+def _check_repeatable(bound: FeatureSet, batch: FloatArray) -> None:
+    first, *others = (
+        _compute(each, batch.copy()) for each in (bound, bound, type(bound)(bound.config))
+    )
     _require(
+        bound,
+        all(_have_same_bits(first, each) for each in others),
+        'repeatable',
+        'compute() returned other bits when it was called again; it must not depend on earlier '
+        'calls',
+    )
+
+
+def _check_values(bound: FeatureSet, batch: FloatArray, features: int) -> None:
+    """Check the features of a batch, and compare them with those of parts of the batch."""
+    before = batch.copy()
+    values = _compute(bound, batch)
+    _require(
+        bound,
         values.dtype == np.float64 and values.shape == (len(batch), features),
         'shape',
-        f'{name}: compute() returned {found} for {len(batch)} windows and {features} names; '
-        f'return float64 of shape {(len(batch), features)}',
+        f'compute() returned {values.dtype} of shape {values.shape} for {len(batch)} windows and '
+        f'{features} names; return float64 of shape {(len(batch), features)}',
     )
     _require(
+        bound,
         bool(np.isfinite(values).all()),
         'finite',
-        f'{name}: compute() returned values that are not finite; raise UndefinedFeatureError for '
-        'windows without a value',
+        'compute() returned values that are not finite; raise UndefinedFeatureError for windows '
+        'without a value',
     )
     _require(
+        bound,
         np.array_equal(batch, before) and not np.shares_memory(values, batch),
         'input',
-        f'{name}: compute() changed or returned its input; work on a copy',
+        'compute() changed or returned its input; work on a copy',
     )
     last = len(batch) - 1
-    if last < FEW:
-        again = (bound, type(bound)(bound.config))
-        _require(
-            all(
-                _compute(each, batch, rate_hz, speed_m_s).tobytes() == values.tobytes()
-                for each in again
-            ),
-            'repeatable',
-            f'{name}: compute() returned other bits when it was called again; it must not depend '
-            'on earlier calls',
-        )
-        one = _compute(bound, batch[last].copy(), rate_hz, speed_m_s)
-        is_same = one.shape == (features,) and one.tobytes() == values[last].tobytes()
-    else:
-        is_same = all(
-            _compute(bound, batch[part].copy(), rate_hz, speed_m_s).tobytes()
-            == values[part].tobytes()
-            for part in (slice(1), slice(last, None), slice(last // 3, last // 3 + 20))
-        )
+    parts = (last, slice(1), slice(last, None), slice(last // 3, last // 3 + 20))
     _require(
-        is_same,
+        bound,
+        all(_have_same_bits(_compute(bound, batch[part].copy()), values[part]) for part in parts),
         'batch',
-        f'{name}: a window gives other bits by itself than in a batch of {len(batch)} windows; '
-        'use sums along the last axis instead of matrix products',
+        f'a window gives other bits by itself than in a batch of {len(batch)} windows; use sums '
+        'along the last axis instead of matrix products',
     )
 
 
-def _check_undefined(
-    bound: FeatureSet, name: str, batch: FloatArray, rate_hz: float, speed_m_s: float
-) -> None:
+def _check_undefined(bound: FeatureSet, batch: FloatArray) -> None:
     """Check that constant windows have values, or that the error lists all of them."""
     batch[1], batch[3] = 5.0, 0.0
     try:
-        values = _compute(bound, batch, rate_hz, speed_m_s)
+        values = _compute(bound, batch)
     except UndefinedFeatureError as error:
         _require(
+            bound,
             error.windows == (1, 3),
             'undefined',
-            f'{name}: windows 1 and 3 of a batch are constant, but UndefinedFeatureError.windows '
-            f'is {error.windows}; it must contain the indices of all windows without a value',
+            'windows 1 and 3 of a batch are constant, but UndefinedFeatureError.windows is '
+            f'{error.windows}; it must contain the indices of all windows without a value',
         )
     else:
         _require(
+            bound,
             bool(np.isfinite(values).all()),
             'undefined',
-            f'{name}: a constant window has values that are not finite; raise '
-            'UndefinedFeatureError for it',
+            'a constant window has values that are not finite; raise UndefinedFeatureError for it',
         )
 
 
