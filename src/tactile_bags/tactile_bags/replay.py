@@ -19,7 +19,7 @@ import numpy as np
 from tactile_bags.bag_reader import BagMessage, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import RecordedFeatures
-from tactile_classifier.answering import ModelSet
+from tactile_classifier.model_set import ModelSet
 from tactile_classifier.types import WindowPrediction
 from tactile_features.conversions import event_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor

@@ -25,7 +25,7 @@ _HOMES = {
     'Evaluation': 'evaluation.cross_validation',
     'Score': 'evaluation.cross_validation',
     'evaluate': 'evaluation.cross_validation',
-    'ModelSet': 'answering',
+    'ModelSet': 'model_set',
     'RandomConvolutionClassifier': 'estimators.random_convolutions',
     'TactileClassifier': 'training.sklearn_classifier',
     'TactileModel': 'model_file.model',

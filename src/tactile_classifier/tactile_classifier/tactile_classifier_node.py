@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tactile_classifier.answering import ModelSet, WindowClassifier
 from tactile_classifier.config import ClassifierConfig
 from tactile_classifier.conversions import (
     classification_to_msg,
@@ -16,12 +15,14 @@ from tactile_classifier.conversions import (
     vision_class,
     vision_from_msg,
 )
+from tactile_classifier.model_set import ModelSet
 from tactile_classifier.types import ModelInfos
 from tactile_features.conversions import (
     feature_window_from_msg,
     feature_window_from_record,
     specifications_from_msg,
 )
+from tactile_features.spec import FeatureSpecifications as SpecificationsRecord
 from tactile_features.types import FeatureWindow
 from tactile_msgs.msg import Classification, FeatureSpecifications, TactileFeatures
 from tactile_msgs.msg import ModelInfos as ModelInfosMsg
@@ -40,16 +41,14 @@ LOG_PERIOD_S = 10.0
 class ClassifierStage(Stage):
     """Stage that classifies each window of features with all models that fit it.
 
-    ``answering`` contains the models and the counters. If no model file is usable, the constructor
-    raises ModelFileError.
+    If no model file is usable, the constructor raises ModelFileError.
     """
 
     def __init__(self, node: TactileClassifierNode, config: ClassifierConfig) -> None:
         self._node = node
         vision = vision_class() if config.vision_messages else None
-        models = ModelSet.load(config.models, config.contact)
-        self.answering = WindowClassifier(models)
-        self._log_models(models)
+        self.models = models = ModelSet.load(config.models, config.contact)
+        self._log_models()
         self._publishers = [
             RecordPublisher(
                 node, Classification, '~/classification', classification_to_msg, RESULTS
@@ -75,7 +74,7 @@ class ClassifierStage(Stage):
         self._specifications = node.create_subscription(
             FeatureSpecifications,
             SPECIFICATIONS_TOPIC,
-            lambda msg: self._warn(*self.answering.announce(specifications_from_msg(msg))),
+            lambda msg: self._set_specifications(specifications_from_msg(msg)),
             LATEST,
         )
         node.listen(
@@ -98,16 +97,20 @@ class ClassifierStage(Stage):
         """Classify a window of features if the node is active."""
         if not self._node.is_active:
             return
-        for result in self.answering.answer(window):
+        for result in self.models.classify(window):
             for publisher in self._publishers:
                 publisher.publish(result)
         log = self._node.get_logger()
-        if (mismatch := self.answering.mismatch) is not None:
+        if (mismatch := self.models.mismatch) is not None:
             log.warning(plain_text(mismatch), throttle_duration_sec=LOG_PERIOD_S)
 
-    def _log_models(self, models: ModelSet) -> None:
-        self._warn(*models.refused)
-        for model in models.models:
+    def _set_specifications(self, announced: SpecificationsRecord) -> None:
+        self.models.set_specifications(announced.specs)
+        self._warn(*self.models.unfed)
+
+    def _log_models(self) -> None:
+        self._warn(*self.models.refused)
+        for model in self.models.models:
             missing = ', '.join(model.spec.missing_parameters)
             labels = ', '.join(model.labels)
             self._node.get_logger().info(f'loaded {model.model_id}; labels: {labels}')
@@ -122,12 +125,17 @@ class ClassifierStage(Stage):
             self._node.get_logger().warning(sentence)
 
     def _assess(self) -> Health:
-        models, mismatch = self.answering.models, self.answering.mismatch
-        faults = [*([] if mismatch is None else [mismatch]), *models.unfed, *models.refused]
+        models = self.models
+        faults = [*filter(None, [models.mismatch]), *models.unfed, *models.refused]
         return Health(
             WARN if faults else OK,
             '; '.join(faults) or f'loaded models: {len(models.models)}',
-            {**self.answering.values(), 'active': self._node.is_active},
+            {
+                **models.counts,
+                'models': len(models.models),
+                'refused model files': len(models.refused),
+                'active': self._node.is_active,
+            },
         )
 
 
@@ -151,10 +159,10 @@ class TactileClassifierNode(StageNode):
         return ClassifierStage(self, config)
 
     @property
-    def answering(self) -> WindowClassifier | None:
-        """Models and counters; None if the node is not configured."""
+    def models(self) -> ModelSet | None:
+        """The models with their counters; None if the node is not configured."""
         stage: ClassifierStage | None = self.stage
-        return stage.answering if stage is not None else None
+        return stage.models if stage is not None else None
 
     @property
     def add_window(self) -> Callable[[FeatureWindow], None]:

@@ -21,10 +21,10 @@ from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.trial_set import TrialSet
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
-from tactile_classifier.answering import ModelSet
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.model_file.model import Prediction, TactileModel
+from tactile_classifier.model_set import ModelSet
 from tactile_classifier.types import NO_ANSWER
 from tactile_features.spec import ALL
 from tactile_features.types import TrialEvent

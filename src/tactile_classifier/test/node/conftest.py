@@ -73,8 +73,8 @@ class Finger:
         return [classification_from_msg(message) for message in self.heard]
 
     @property
-    def answering(self):
-        return self.classifier.answering
+    def models(self):
+        return self.classifier.models
 
     def wait_for_count(self, name, value):
         """Return the first diagnostics with a count of this value."""
@@ -110,7 +110,7 @@ class Finger:
         self.spin_until(
             lambda: (
                 all(publisher.get_subscription_count() for publisher in publishers)
-                and (not self.announces or self.answering.is_told)
+                and (not self.announces or self.models.is_announced)
             )
         )
 

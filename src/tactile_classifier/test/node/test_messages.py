@@ -6,7 +6,6 @@ import dataclasses
 import pytest
 
 from tactile_classifier import types
-from tactile_classifier.answering import ModelSet
 from tactile_classifier.conversions import (
     classification_from_msg,
     classification_to_msg,
@@ -14,6 +13,7 @@ from tactile_classifier.conversions import (
     model_infos_to_msg,
 )
 from tactile_classifier.model_file.model import load_model
+from tactile_classifier.model_set import ModelSet
 from tactile_classifier.types import ModelInfos, PredictionOutcome
 from tactile_msgs.msg import Classification, ModelInfo
 from tactile_ros.errors import MessageError

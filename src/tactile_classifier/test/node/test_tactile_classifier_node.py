@@ -40,13 +40,13 @@ def test_windows_are_classified_over_the_wire(make_finger, model_path, make_wind
         make_window(30),
     ]
     finger.send(*windows)
-    finger.spin_until(lambda: finger.answering.counts['windows'] == 6 and len(finger.heard) == 4)
+    finger.spin_until(lambda: finger.models.counts['windows'] == 6 and len(finger.heard) == 4)
     answers = finger.answers
     model = load_model(model_path)
     assert answers == [model.classify_window(windows[i]) for i in (0, 3, 4, 5)]
     assert [a.label for a in answers] == ['plate 0', '', '', 'plate 2']
     assert 'rate in Hz is 100;' in answers[1].reason
-    assert (finger.answering.counts['windows for others'], finger.answering.counts['answers']) == (
+    assert (finger.models.counts['windows for others'], finger.models.counts['answers']) == (
         2,
         4,
     )
@@ -64,7 +64,7 @@ def test_only_an_active_node_answers_and_it_can_be_configured_again(make_finger,
     finger.send(make_window(30))
     finger.spin_until(lambda: finger.heard)
     assert [a.trial_id for a in finger.answers] == ['trial-30']
-    assert finger.answering.counts['windows'] == 1
+    assert finger.models.counts['windows'] == 1
     classifier.trigger_deactivate()
     classifier.trigger_cleanup()
     finger.bring_up()
@@ -109,7 +109,7 @@ def test_answers_are_said_in_the_standard_message_too(make_finger, make_window):
     finger = make_finger(vision_messages=True)
     finger.listen(Classification, 'tactile_classifier/vision_classification', heard)
     finger.bring_up()
-    model = finger.answering.models.models[0]
+    model = finger.models.models[0]
     window, answer = next(  # one that the model does not take for unknown
         (window, answer)
         for window in map(make_window, range(30))
@@ -137,7 +137,7 @@ def test_equal_parameters_or_the_same_models_are_answered(
     finger.play(*make_trials())
     finger.spin_until(lambda: finger.heard)
     assert finger.answers[0].outcome in (PredictionOutcome.LABEL, PredictionOutcome.UNKNOWN)
-    assert finger.answering.counts['windows of another specification'] == 0
+    assert finger.models.counts['windows of another specification'] == 0
 
 
 def test_a_parameter_of_the_feature_node_alone_is_noticed(
@@ -222,7 +222,7 @@ def test_its_models_are_announced_and_a_broken_file_is_named(make_finger, folder
     finger.listen(ModelInfos, 'tactile_classifier/models', infos, LATEST)
     finger.spin_until(lambda: infos and finger.diagnostics)
     found = model_infos_from_msg(infos[-1])
-    assert found.models == finger.answering.models.infos
+    assert found.models == finger.models.infos
     assert found.models[0].path == str(tmp_path / 'any name.npz')
     (refused,) = found.refused
     assert f'model {tmp_path / "broken.npz"} is refused' in refused

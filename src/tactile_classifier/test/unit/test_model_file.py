@@ -372,7 +372,7 @@ def test_scores_that_are_not_finite_name_nothing(rocket_path, make_window):
 def test_a_loaded_model_needs_neither_scikit_learn_nor_numba(rocket_path, model_path):
     program = (
         'import sys; import numpy as np; from tactile_classifier import load_model\n'
-        'import tactile_classifier.answering\n'
+        'import tactile_classifier.model_set\n'
         f'for path in ({str(rocket_path)!r}, {str(model_path)!r}):\n'
         '    model = load_model(path)\n'
         '    model.predict(np.zeros((1, len(model.spec.names))))\n'

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import tactile_classifier
-from tactile_classifier.answering import ModelSet, WindowClassifier
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
+from tactile_classifier.model_set import ModelSet
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_classifier.types import PredictionOutcome
 from tactile_features.config import FeatureConfig
 from tactile_features.model_contract import read_contracts
-from tactile_features.spec import FeatureSpecifications, spec_for
+from tactile_features.spec import spec_for
 from tactile_features.types import WindowOutcome
 
 FULL = spec_for('texture', FeatureConfig())
@@ -157,23 +157,23 @@ def test_without_a_usable_model_the_sentence_names_the_folder(tmp_path, read):
 
 
 def test_counts_of_answers(folder, window_of):
-    answering = WindowClassifier(ModelSet.load(folder, 'flexion'))
-    wanted = FeatureSpecifications((FULL, SHORT))
-    missing = answering.announce(wanted)
+    models = ModelSet.load(folder, 'flexion')
+    models.set_specifications([FULL, SHORT])
+    missing = models.unfed
     assert len(missing) == 2  # of the hold, and of the early window
     assert 'stiffness' in missing[0]
-    assert len(answering.answer(window_of(FULL))) == 1
-    answering.answer(window_of(LATER))
-    answering.answer(window_of(FULL, feature_set='smell'))
-    (early,) = answering.answer(window_of(EARLY))
+    assert len(models.classify(window_of(FULL))) == 1
+    assert models.mismatch is None
+    models.classify(window_of(LATER))
+    assert 'the window in samples is 180' in models.mismatch
+    models.classify(window_of(FULL, feature_set='smell'))
+    (early,) = models.classify(window_of(EARLY))
     assert early.model_id == load_model(folder / 'd.npz').model_id
-    assert answering.values() == {
+    assert models.counts == {
         'windows': 4,
         'answers': 3,
         'windows for others': 1,
         'windows of another specification': 1,
-        'models': 4,
-        'refused model files': 0,
     }
 
 

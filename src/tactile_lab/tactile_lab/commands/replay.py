@@ -244,7 +244,7 @@ def _replay_finger(
         recorded_results,
         replay_through_core,
     )
-    from tactile_classifier.answering import ModelSet
+    from tactile_classifier.model_set import ModelSet
     from tactile_features.model_contract import read_contracts
 
     if through_nodes:

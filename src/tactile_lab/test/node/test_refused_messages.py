@@ -77,11 +77,11 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
         assert 'cannot be audited' in reasons['bag_recorder']
         # Everything works on.
         strain.publish(StrainBlock(period_ns=1, tension_n=[1.0]))
-        (model,) = nodes[CLASSIFIER_NODE].answering.models.models
+        (model,) = nodes[CLASSIFIER_NODE].models.models
         window = {'feature_set': model.spec.feature_set, 'specification_digest': model.spec.digest}
         features.publish(TactileFeatures(outcome=1, **window))
         wait_until(lambda: nodes['tactile_features'].extractor.block_count == 1)
-        wait_until(lambda: nodes[CLASSIFIER_NODE].answering.counts['answers'] == 1)
+        wait_until(lambda: nodes[CLASSIFIER_NODE].models.counts['answers'] == 1)
         # One a message on each recorded topic: four blocks, one event, two feature windows.
         wait_until(lambda: nodes['bag_recorder'].message_count >= 7)
 

@@ -1,10 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Classification of windows: each window is classified by every model that fits it.
-
-`ModelSet` contains the models of a finger. `WindowClassifier` uses it and counts the results.
-"""
+"""The models of one finger: each window is classified by every model that fits it."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model, TactileModel
 from tactile_classifier.types import ModelInfo, WindowPrediction
 from tactile_features.model_contract import load_usable
-from tactile_features.spec import FeatureSpec, FeatureSpecifications
+from tactile_features.spec import FeatureSpec
 from tactile_features.types import contacts_agree, FeatureWindow
 
 
@@ -34,6 +31,12 @@ class ModelSet:
     ----------
     infos : tuple of ModelInfo
         Metadata of each model, for the ``ModelInfos`` message.
+    counts : dict of str to int
+        Numbers of windows and results, as in the diagnostics. "windows for others" counts windows
+        for which no model returned a result.
+    mismatch : str or None
+        How the specification of the last classified window differs from that of its model, or
+        None if it does not.
     """
 
     def __init__(
@@ -47,6 +50,13 @@ class ModelSet:
         self.infos = tuple(_info_of(model, contact) for model in models)
         self._contact = contact
         self._digests: frozenset[str] = frozenset()
+        self.counts = {
+            'windows': 0,
+            'answers': 0,
+            'windows for others': 0,
+            'windows of another specification': 0,
+        }
+        self.mismatch: str | None = None
 
     @classmethod
     def load(cls, models: str | Path, contact: str = '') -> ModelSet:
@@ -70,6 +80,11 @@ class ModelSet:
         return cls(usable, contact, refused)
 
     @property
+    def is_announced(self) -> bool:
+        """True after the feature node has announced its specifications."""
+        return bool(self._digests)
+
+    @property
     def unfed(self) -> tuple[str, ...]:
         """One sentence for each model whose features the feature node has not announced.
 
@@ -79,7 +94,7 @@ class ModelSet:
             f'the feature node does not compute the features of model {model.model_id}: '
             f'set its parameter models to {model.path or "the file of this model"}'
             for model in self.models
-            if self._digests and not self._is_fed(model)
+            if self.is_announced and not self._is_fed(model)
         )
 
     def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
@@ -97,12 +112,20 @@ class ModelSet:
         the feature node has not announced returns a result with the reason instead of a label.
         Other models return nothing, because they receive windows with their own specification.
         """
-        if not contacts_agree(self._contact, window.contact):
-            return []
-        return [model.classify_window(window) for model in self.find(window)]
+        models = self.find(window)
+        self.counts['windows'] += 1
+        self.counts['windows for others'] += not models
+        self.counts['answers'] += len(models)
+        if models:
+            reasons = (model.find_mismatch(window) for model in models)
+            self.mismatch = next(filter(None, reasons), None)
+            self.counts['windows of another specification'] += self.mismatch is not None
+        return [model.classify_window(window) for model in models]
 
     def find(self, window: FeatureWindow) -> list[TactileModel]:
         """Return the models that return a result for a window; see `classify`."""
+        if not contacts_agree(self._contact, window.contact):
+            return []
         takers = [model for model in self.models if model.accepts(window)]
         fitting = [model for model in takers if model.fits(window.specification_digest)]
         if not fitting:
@@ -125,59 +148,3 @@ def _info_of(model: TactileModel, contact: str) -> ModelInfo:
         simulated=model.manifest.simulated,
         contact_filter=contact,
     )
-
-
-class WindowClassifier:
-    """Classifies windows with a `ModelSet` and counts the results.
-
-    Attributes
-    ----------
-    counts : dict of str to int
-        Counters by name, as in the diagnostics. "windows for others" counts windows for which no
-        model returned a result.
-    mismatch : str or None
-        Difference between the specifications of the last window and of its model, or None.
-    is_told : bool
-        True after the feature node has announced its specifications.
-    """
-
-    def __init__(self, models: ModelSet) -> None:
-        self.models = models
-        self.counts = {
-            'windows': 0,
-            'answers': 0,
-            'windows for others': 0,
-            'windows of another specification': 0,
-        }
-        self.is_told = False
-        self.mismatch: str | None = None
-        self._by_id = {model.model_id: model for model in models.models}
-
-    def announce(self, announced: FeatureSpecifications) -> tuple[str, ...]:
-        """Store the announced specifications.
-
-        Returns a sentence for each model whose features were not announced.
-        """
-        self.is_told = True
-        self.models.set_specifications(announced.specs)
-        return self.models.unfed
-
-    def answer(self, window: FeatureWindow) -> list[WindowPrediction]:
-        """Return the results for one window."""
-        results = self.models.classify(window)
-        self.counts['windows'] += 1
-        self.counts['windows for others'] += not results
-        self.counts['answers'] += len(results)
-        if results:
-            reasons = [self._by_id[each.model_id].find_mismatch(window) for each in results]
-            self.mismatch = next(filter(None, reasons), None)
-            self.counts['windows of another specification'] += self.mismatch is not None
-        return results
-
-    def values(self) -> dict[str, object]:
-        """Return the counters by name, for diagnostics."""
-        return {
-            **self.counts,
-            'models': len(self.models.models),
-            'refused model files': len(self.models.refused),
-        }
