@@ -170,7 +170,7 @@ def launch_setup(context):
             package='linear_guide_driver',
             executable='tendon_actuator_node',
             name='tendon_actuator',
-            parameters=[CONFIG, file, {'port': ports['tendon'], **of_tendon}, common],
+            parameters=[CONFIG, file, {'port': ports['tendon']}, of_tendon, common],
             # a driver that died may have left the tendon taut
             **{**process, 'respawn_delay': 0.2},
         ),

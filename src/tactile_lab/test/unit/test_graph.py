@@ -62,7 +62,7 @@ def test_the_range_of_a_simulated_load_cell_is_known():
     assert ranges({}, simulated=True) == [SIMULATED_SATURATION_N] * 2
     stated = {name: {'saturation_n': 17.0} for name in ('tendon_sensor', 'tendon_actuator')}
     assert ranges(stated, simulated=True) == [17.0, 17.0]
-    assert SIMULATED_SATURATION_N < default_catalogue().rig().load_cell.capacity_n
+    assert default_catalogue().rig().load_cell.capacity_n > SIMULATED_SATURATION_N
 
 
 def test_features_and_classifier_get_the_models_and_nothing_out_of_them(trained):
