@@ -40,13 +40,11 @@ class ModelContract:
 
     Attributes
     ----------
-    path : Path
     task, contact : str
         ``contact`` is empty for a model of any contact.
     spec : FeatureSpec
     """
 
-    path: Path
     task: str
     contact: str
     spec: FeatureSpec
@@ -77,19 +75,14 @@ def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') 
     """
     if not str(models):
         return FeaturePlan()
-
-    def load(path: Path) -> ModelContract:
-        contract = read_contract(path)
-        with refusals_of(path):
-            contract.spec.bind(config)
-        return contract
-
-    contracts, refused = load_usable(models, contact, load)
+    contracts, refused = read_contracts(models, contact, config)
     specs = tuple(contract.spec for contract in contracts)
     return FeaturePlan(specs, tuple(refused), _find_overruled(config, specs))
 
 
-def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelContract], list[str]]:
+def read_contracts(
+    models: str | Path, contact: str = '', config: FeatureConfig | None = None
+) -> tuple[list[ModelContract], list[str]]:
     """Return the contracts of model files, and one sentence for each unusable file.
 
     Parameters
@@ -98,22 +91,25 @@ def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelCon
         A folder with ``*.npz`` files, or one file.
     contact : str
         Ignore models of another contact; if empty, models of any contact are used.
+    config : FeatureConfig, optional
+        Parameters of a node. Models whose features it cannot compute with them are refused. By
+        default, only features that no node can compute are refused.
 
     Raises
     ------
     ModelFileError
         When no file is usable.
     """
-    return load_usable(models, contact, read_contract)
+    limits = config or FeatureConfig(buffer_s=LONGEST_BUFFER_S)
 
+    def load(path: Path) -> ModelContract:
+        with refusals_of(path):
+            fields = check_version(read_container(path).manifest)
+            spec = parse_spec(fields)
+            spec.bind(limits)
+            return ModelContract(fields['task'], fields['contact'], spec)
 
-def read_contract(path: Path) -> ModelContract:
-    """Return the contract of a model file; raise `ModelFileError` if the file is unusable."""
-    with refusals_of(path):
-        fields = check_version(read_container(path).manifest)
-        spec = parse_spec(fields)
-        spec.bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
-        return ModelContract(path, fields['task'], fields['contact'], spec)
+    return load_usable(models, contact, load)
 
 
 def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
