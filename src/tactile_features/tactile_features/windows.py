@@ -191,17 +191,7 @@ class SampleBuffer:
             )
             self._end += 1
             return
-        to = slice(self._end, self._end + count)
-        step = np.arange(count)
-        columns = self._columns
-        stamp_ns = block.stamp_ns + step * block.period_ns
-        columns['stamp_ns'][to] = columns['latest_ns'][to] = stamp_ns
-        columns['sequence'][to] = np.uint64(block.sequence) + step.astype(np.uint64)
-        columns['tension_n'][to] = block.tension_n
-        columns['status'][to] = self._last_status
-        columns['stamp_error_s'][to] = _known_error(block)
-        columns['step_ns'][to] = 0
-        columns['hole'][to] = columns['interpolated'][to] = False
+        _write(block, self._columns, slice(self._end, self._end + count))
         self._end += count
 
     def _join(self, last: Any, new: Samples, lost_before: int, period_ns: int) -> None:
@@ -252,18 +242,31 @@ class SampleBuffer:
 
     def _store(self, data: Samples) -> None:
         self._data = data
-        self._columns = {name: data[name] for name in SAMPLE.names or ()}
+        self._columns = _columns_of(data)
+
+
+def _columns_of(data: Samples) -> dict[str, NDArray[Any]]:
+    """Return the fields of samples; faster for many small blocks than a look-up each time."""
+    return {name: data[name] for name in SAMPLE.names or ()}
 
 
 def _unpack(block: StrainBlock) -> Samples:
-    step = np.arange(len(block.tension_n))
-    new = np.zeros(len(step), SAMPLE)
-    new['stamp_ns'] = block.stamp_ns + step * block.period_ns
-    new['sequence'] = np.uint64(block.sequence) + step.astype(np.uint64)
-    new['tension_n'] = block.tension_n
-    new['status'] = block.status
-    new['stamp_error_s'] = _known_error(block)
+    new = np.empty(len(block.tension_n), SAMPLE)
+    _write(block, _columns_of(new), slice(None))
     return new
+
+
+def _write(block: StrainBlock, columns: dict[str, NDArray[Any]], to: slice) -> None:
+    """Write the samples of a block, without holes and steps, to a part of the columns."""
+    step = np.arange(len(block.tension_n))
+    stamp_ns = block.stamp_ns + step * block.period_ns
+    columns['stamp_ns'][to] = columns['latest_ns'][to] = stamp_ns
+    columns['sequence'][to] = np.uint64(block.sequence) + step.astype(np.uint64)
+    columns['tension_n'][to] = block.tension_n
+    columns['status'][to] = int(block.status)
+    columns['stamp_error_s'][to] = _known_error(block)
+    columns['step_ns'][to] = 0
+    columns['hole'][to] = columns['interpolated'][to] = False
 
 
 def _known_error(block: StrainBlock) -> float:
