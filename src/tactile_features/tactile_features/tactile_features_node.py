@@ -214,6 +214,8 @@ class FeaturesStage(Stage):
             {
                 'blocks': blocks,
                 'events': self.extractor.event_count,
+                'samples dropped (late or repeated)': self.extractor.late_sample_count,
+                'restarts of the samples': self.extractor.restart_count,
                 'windows': sum(windows.values()),
                 'windows without features': sum(windows.values()) - windows[WindowOutcome.OK],
                 'specifications': len(self.extractor.specifications),

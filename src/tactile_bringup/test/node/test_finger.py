@@ -243,7 +243,7 @@ def test_a_restarted_feature_node_goes_on_with_the_next_block(make_finger):
         finger.features.trigger_cleanup()
         assert finger.features.bring_up()
         extractor = finger.features.extractor
-        wait_until(lambda extractor=extractor: extractor.sample_count > 20)
+        wait_until(lambda extractor=extractor: extractor.block_count > 2)
         assert extractor.late_sample_count == extractor.restart_count == 0
     assert finger.sensor.stage._client.health().lost_samples == 0
 

@@ -107,7 +107,7 @@ class _FinishedPhase:
         is_past: bool,
     ) -> None:
         self.end = end
-        self.is_past = is_past
+        self._is_past = is_past
         self._waiting = deque(
             PhaseWindow(begun, end, lane.config, lane.buffer)
             for lane in lanes
@@ -121,20 +121,23 @@ class _FinishedPhase:
         return not self._waiting
 
     def take(self) -> list[FeatureWindow]:
-        """Return the next complete windows."""
+        """Return the next complete windows, except refused windows of a past phase."""
         for window in self._waiting:
             if window not in self._taken and (found := window.take()) is not None:
                 self._taken[window] = found
         given = []
         while self._waiting and self._waiting[0] in self._taken:
             given.append(self._taken.pop(self._waiting.popleft()))
-        return given
+        return self._select(given)
 
     def end_with(self, refuse: Callable[[PhaseWindow], FeatureWindow]) -> list[FeatureWindow]:
-        """Return all remaining windows; incomplete ones are refused by ``refuse``."""
+        """Return the remaining windows like `take`; incomplete ones are refused by ``refuse``."""
         given = [self._taken.get(window) or refuse(window) for window in self._waiting]
         self._waiting.clear()
-        return given
+        return self._select(given)
+
+    def _select(self, windows: list[FeatureWindow]) -> list[FeatureWindow]:
+        return [w for w in windows if w.outcome == WindowOutcome.OK or not self._is_past]
 
 
 class TrialFeatureExtractor:
@@ -142,8 +145,8 @@ class TrialFeatureExtractor:
 
     If ``wanted`` contains specifications for a phase, the phase has one window for each of them.
     Otherwise it has one window, computed with the parameters in ``config``. The windows of one
-    specification do not depend on the other specifications.
-    The windows of one phase are returned in the order of the specifications.
+    specification do not depend on the other specifications. The windows of one phase are returned
+    in the order of the specifications.
 
     An early window is returned as soon as its samples have arrived. If the phase then ends inside
     the window, a refusal with the same specification follows.
@@ -178,8 +181,8 @@ class TrialFeatureExtractor:
         If all wanted specifications have the same rate, ``rate_hz`` is this rate.
     specifications : tuple of FeatureSpec
         All specifications that are computed, distinct and complete.
-    block_count, sample_count, event_count : int
-        Numbers of blocks, samples and events that were added.
+    block_count, event_count : int
+        Numbers of blocks and events that were added.
     window_counts : dict of WindowOutcome to int
         Number of windows returned, by outcome.
 
@@ -194,7 +197,6 @@ class TrialFeatureExtractor:
             config = dataclasses.replace(config, rate_hz=rate_hz)
         self.config = config
         self.block_count = 0
-        self.sample_count = 0
         self.event_count = 0
         self.window_counts = dict.fromkeys(WindowOutcome, 0)
         self._buffer_ns = round(config.buffer_s * 1e9)
@@ -254,7 +256,6 @@ class TrialFeatureExtractor:
     def add_block(self, block: StrainBlock) -> list[FeatureWindow]:
         """Add samples; return the windows that are complete now, in the order of their phases."""
         self.block_count += 1
-        self.sample_count += len(block.tension_n)
         for buffer in self._buffers.values():
             is_set_back = buffer.add(block)  # the same for all buffers
         windows = self._find_phases(is_set_back) if self._signal or is_set_back else []
@@ -360,7 +361,7 @@ class TrialFeatureExtractor:
         due_ns = self.waits_since_ns
         for window in self._filling_windows():
             if window.due_ns == due_ns:
-                return self._count_early(window.give(window.time_out())) + self._take_early()
+                return self._count(window.give(window.time_out())) + self._take_early()
         if not self._waiting:
             return []
         return self._end_oldest(lambda window: window.refuse_by_events() or window.time_out())
@@ -393,12 +394,7 @@ class TrialFeatureExtractor:
         # Sorted by the time of their last sample, so that the order does not depend on how samples
         # are grouped into blocks.
         windows.sort(key=lambda window: window.window_end_ns)
-        return self._count_early(windows)
-
-    def _count_early(self, windows: list[FeatureWindow]) -> list[FeatureWindow]:
-        for window in windows:
-            self.window_counts[window.outcome] += 1
-        return windows
+        return self._count(windows)
 
     def _take_complete(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
@@ -406,7 +402,7 @@ class TrialFeatureExtractor:
             # Only windows of the oldest phase are returned, so that the order of windows does not
             # depend on the order in which samples and events arrive.
             phase = self._waiting[0]
-            windows += self._count(phase, phase.take())
+            windows += self._count(phase.take())
             if phase.is_over:
                 self._waiting.popleft()
             elif self._is_overdue(phase.end.stamp_ns):
@@ -416,17 +412,12 @@ class TrialFeatureExtractor:
         return windows
 
     def _end_oldest(self, refuse: Callable[[PhaseWindow], FeatureWindow]) -> list[FeatureWindow]:
-        phase = self._waiting.popleft()
-        return self._count(phase, phase.end_with(refuse))
+        return self._count(self._waiting.popleft().end_with(refuse))
 
-    def _count(
-        self, phase: _FinishedPhase, windows: Sequence[FeatureWindow]
-    ) -> list[FeatureWindow]:
-        """Count and return the windows to publish; skip refused windows of past phases."""
-        given = [w for w in windows if w.outcome == WindowOutcome.OK or not phase.is_past]
-        for window in given:
+    def _count(self, windows: list[FeatureWindow]) -> list[FeatureWindow]:
+        for window in windows:
             self.window_counts[window.outcome] += 1
-        return given
+        return windows
 
     def _is_overdue(self, due_ns: int) -> bool:
         event = self._event
@@ -451,7 +442,7 @@ class TrialFeatureExtractor:
     def _give_up(self, outcome: WindowOutcome, reason: str) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         for lane in self._lanes:
-            windows += self._count_early(lane.give_up_early(outcome, reason))
+            windows += self._count(lane.give_up_early(outcome, reason))
         while self._waiting:
             windows += self._end_oldest(
                 lambda window: window.refuse_by_events() or window.refuse(outcome, reason)
