@@ -14,6 +14,8 @@ from typing import Any
 from numba import njit
 import numpy as np
 
+from tactile_classifier.estimators.convolutions import ADDED, KERNELS, TAPS
+
 _OPTIONS: Any = {
     'cache': True,
     'nogil': True,
@@ -24,29 +26,27 @@ _OPTIONS: Any = {
 
 
 @njit(**_OPTIONS)
-def _shift(x: Any, dilation: Any, order: Any, common: Any, extra: Any) -> None:
+def _shift(x: Any, dilation: Any, common: Any, extra: Any) -> None:
     """Compute the common part of all kernels, and the contribution of each weight of 2.
 
-    The signal ``x`` has shape (channels, samples). ``order`` is the order in which the weights of
-    -1 are added. The results are written to ``common`` and ``extra``. ``common``, shape (channels,
-    samples), is the convolution with nine weights of -1. ``extra``, shape (channels, 9, samples),
-    is three times the sample at each weight. The signal is zero beyond its ends. All arrays are
-    float32.
+    The signal ``x`` has shape (channels, samples). The results are written to ``common`` and
+    ``extra``. ``common``, shape (channels, samples), is the convolution with nine weights of -1.
+    ``extra``, shape (channels, 9, samples), is three times the sample at each weight. The signal
+    is zero beyond its ends. All arrays are float32.
     """
     channels, samples = x.shape
-    taps = extra.shape[1]
     extra[:] = 0.0
     for channel in range(channels):
-        for tap in range(taps):
-            by = (tap - taps // 2) * dilation
+        for tap in range(TAPS):
+            by = (tap - TAPS // 2) * dilation
             for t in range(max(0, -by), min(samples, samples - by)):
                 extra[channel, tap, t] = x[channel, t + by]
         for t in range(samples):
             common[channel, t] = -x[channel, t]
-        for tap in order:
+        for tap in ADDED:
             for t in range(samples):
                 common[channel, t] -= extra[channel, tap, t]
-        for tap in range(taps):
+        for tap in range(TAPS):
             for t in range(samples):
                 extra[channel, tap, t] *= np.float32(3)
 
@@ -74,28 +74,24 @@ def _add(common: Any, extra: Any, source: Any, kernel: Any, fitting: Any, sums: 
 
 
 @njit(**_OPTIONS)
-def add_chosen(
-    x: Any, rows: Any, dilation: Any, sources: Any, kernels: Any, order: Any, sums: Any
-) -> None:
+def add_chosen(x: Any, rows: Any, dilation: Any, sources: Any, sums: Any) -> None:
     """Apply each kernel to the signal chosen for it; write to ``sums``, shape (kernels, samples).
 
     The signals ``x`` have shape (trials, channels, samples), float32. For each kernel, ``rows``
-    contains the index of its signal, ``sources`` its channels, and ``kernels`` the positions of
-    its weights of 2. See `_shift` for ``order``.
+    contains the index of its signal, and ``sources`` its channels.
     """
     channels, samples = x.shape[1:]
     common = np.empty((channels, samples), dtype=np.float32)
-    extra = np.empty((channels, 9, samples), dtype=np.float32)
-    for i in range(len(kernels)):
-        _shift(x[rows[i]], dilation, order, common, extra)
-        _add(common, extra, sources[i], kernels[i], True, sums[i])
+    extra = np.empty((channels, TAPS, samples), dtype=np.float32)
+    for i in range(len(KERNELS)):
+        _shift(x[rows[i]], dilation, common, extra)
+        _add(common, extra, sources[i], KERNELS[i], True, sums[i])
 
 
 @njit(**_OPTIONS)
 def count_above(
-    x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, kernels: Any, order: Any,
-    shares: Any,
-) -> None:  # fmt: skip
+    x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, shares: Any
+) -> None:
     """Compute the fraction of samples above each bias; write it to ``shares``.
 
     ``shares`` has shape (trials, kernels, biases). Kernels whose index modulo two equals
@@ -103,14 +99,14 @@ def count_above(
     inside the signal. See `add_chosen` for the other arguments.
     """
     channels, samples = x.shape[1:]
-    edge = (9 // 2) * dilation
+    edge = (TAPS // 2) * dilation
     common = np.empty((channels, samples), dtype=np.float32)
-    extra = np.empty((channels, 9, samples), dtype=np.float32)
+    extra = np.empty((channels, TAPS, samples), dtype=np.float32)
     sums = np.empty(samples, dtype=np.float32)
     for trial in range(len(x)):
-        _shift(x[trial], dilation, order, common, extra)
-        for i in range(len(kernels)):
-            _add(common, extra, sources[i], kernels[i], False, sums)
+        _shift(x[trial], dilation, common, extra)
+        for i in range(len(KERNELS)):
+            _add(common, extra, sources[i], KERNELS[i], False, sums)
             cut = 0 if i % 2 == parity else edge
             used = sums[cut : samples - cut]
             for j in range(biases.shape[1]):

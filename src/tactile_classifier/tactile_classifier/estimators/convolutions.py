@@ -48,7 +48,6 @@ MANY_SIGNALS = 16
 178 MB. The loops are therefore used for training and evaluation, but not in a node, which has one
 window at a time."""
 
-_ORDER = np.array(ADDED)
 _PAIRS, _pair_of = np.unique(KERNELS[:, :2], axis=0, return_inverse=True)
 _PAIR_OF = _pair_of.ravel()  # ravel: its shape depends on the version of NumPy
 
@@ -99,7 +98,7 @@ class RandomConvolutions:
         first = 0
         for i, (dilation, biases) in enumerate(zip(self.dilations, self.biases, strict=True)):
             shares = np.empty((len(x), *biases.shape))
-            count_above(x, dilation, i % 2, biases, self.sources[i], KERNELS, _ORDER, shares)
+            count_above(x, dilation, i % 2, biases, self.sources[i], shares)
             values[:, first : first + biases.size] = shares.reshape(len(x), -1)
             first += biases.size
         return values
@@ -111,8 +110,7 @@ class RandomConvolutions:
         dilation.
         """
         sums = np.empty((len(KERNELS), self.samples), dtype=np.float32)
-        arguments = x, rows, self.dilations[at], self.sources[at], KERNELS, _ORDER, sums
-        load_loops(len(x)).add_chosen(*arguments)
+        load_loops(len(x)).add_chosen(x, rows, self.dilations[at], self.sources[at], sums)
         return sums
 
 
@@ -165,12 +163,9 @@ def _shift(x: Single, dilation: int) -> tuple[Single, Single]:
     return common, np.float32(3) * under
 
 
-def add_chosen(
-    x: Any, rows: Any, dilation: Any, sources: Any, kernels: Any, order: Any, sums: Any
-) -> None:
+def add_chosen(x: Any, rows: Any, dilation: Any, sources: Any, sums: Any) -> None:
     """Compute the sums of each kernel; see `compiled_convolutions.add_chosen`."""
-    del order  # always `ADDED`
-    for i, (a, b, c) in enumerate(kernels):
+    for i, (a, b, c) in enumerate(KERNELS):
         common, extra = _shift(x[rows[i]], int(dilation))
         sums[i] = 0.0
         for channel in sources[i][sources[i] >= 0]:
@@ -179,11 +174,9 @@ def add_chosen(
 
 
 def count_above(
-    x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, kernels: Any, order: Any,
-    shares: Any,
-) -> None:  # fmt: skip
+    x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, shares: Any
+) -> None:
     """Compute the fraction of samples above each bias; see `compiled_convolutions.count_above`."""
-    del order
     channels, samples = x.shape[1:]
     edge, pairs = (TAPS // 2) * int(dilation), len(_PAIRS)
     for trial, signal in enumerate(x):
@@ -193,11 +186,11 @@ def count_above(
         two += extra[:, _PAIRS[:, 1]]
         two, three = two.reshape(channels * pairs, samples), extra.reshape(-1, samples)
         sums = two.take(sources[:, 0] * pairs + _PAIR_OF, axis=0)
-        sums += three.take(sources[:, 0] * TAPS + kernels[:, 2], axis=0)
+        sums += three.take(sources[:, 0] * TAPS + KERNELS[:, 2], axis=0)
         for source in sources.T[1:channels]:
             used = np.flatnonzero(source >= 0)
             term = two.take(source[used] * pairs + _PAIR_OF[used], axis=0)
-            term += three.take(source[used] * TAPS + kernels[used, 2], axis=0)
+            term += three.take(source[used] * TAPS + KERNELS[used, 2], axis=0)
             sums[used] += term
         for first, cut in ((parity, 0), (1 - parity, edge)):
             inside = sums[first::2, cut : samples - cut]
