@@ -21,6 +21,9 @@ from tactile_features.types import (
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')
 """Classifiers of the paper: three nearest neighbours, support vector machines, decision tree."""
 
+NEIGHBOURS = 3
+"""Number of neighbours of the nearest-neighbour classifier."""
+
 ROCKET = 'rocket'
 """Random convolutions with a ridge classifier, for feature sets that are waveforms."""
 

@@ -56,7 +56,7 @@ class ClassifiedTrial:
             'task': self.model.task,
             'contact': self.model.contact or None,
             'answer': answer.label,
-            'reason': answer.reason or None,
+            'reason': answer.reason,
             'probabilities': dict(answer.probabilities),
             'scores': dict(answer.scores),
             'novelty': answer.novelty,

@@ -24,10 +24,10 @@ MOST_NAMED = 5
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells. A cell contains the trials that have the same label and the same conditions.
+    """Groups of trials with the same label that were recorded under the same conditions.
 
-    ``columns`` are the columns that define the conditions. ``cell`` contains the number of the
-    cell of each trial, shape (trials,).
+    Such a group is called a cell. ``columns`` are the columns that define the conditions.
+    ``cell``, shape (trials,), contains the number of the cell of each trial.
     """
 
     columns: tuple[str, ...]

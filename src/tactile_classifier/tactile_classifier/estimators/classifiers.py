@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators.random_convolutions import RandomConvolutionClassifier
-from tactile_classifier.types import ALL_CLASSIFIERS, MARGIN, ROCKET, SCALINGS, VOTES
+from tactile_classifier.types import ALL_CLASSIFIERS, MARGIN, NEIGHBOURS, ROCKET, SCALINGS, VOTES
 
 DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
 """Default scaling of each task.
@@ -41,8 +41,6 @@ SCORE_KINDS = {
     ROCKET: MARGIN,
 }
 """Kind of the uncalibrated scores of each classifier; see Classification.msg."""
-
-NEIGHBOURS = 3
 
 RANDOM_STATE = 0
 

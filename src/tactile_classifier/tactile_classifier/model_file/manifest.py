@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import dataclasses
 import math
-from typing import Any, get_origin, get_type_hints, TypeVar
+from typing import Any, get_origin, get_type_hints
 
 from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty, rank_of_sessions
 from tactile_classifier.datasets.dataset import plain_name
@@ -155,14 +155,19 @@ class Manifest:
         Raises ModelFileError if an entry is missing, invalid or unknown.
         """
         fields = check_version(entries)
-        _check_types(fields)
-        fields['spec'] = parse_spec(fields)
+        spec = parse_spec(fields)
         del fields[DIGEST]
-        fields['labels'] = tuple(fields['labels'])
-        fields['trial_digests'] = tuple(fields['trial_digests'])
-        fields['confidence'] = _read_entry('confidence', fields['confidence'], Confidence())
-        fields['training'] = _read_entry('training', fields['training'], TrainingTrials())
-        manifest = cls(**fields)
+        _check_fields(cls, fields)
+        if fields['false_alarm_rate'] > 1.0:
+            raise ModelFileError('its manifest has a false alarm rate that is not between 0 and 1')
+        for name, kind in (('confidence', Confidence), ('training', TrainingTrials)):
+            _check_fields(kind, fields[name], f' in "{name}"')
+            fields[name] = kind(**fields[name])
+        for name in ('labels', 'trial_digests'):
+            if not all(type(text) is str for text in fields[name]):
+                raise ModelFileError(f'its manifest has no valid entry "{name}"')
+            fields[name] = tuple(fields[name])
+        manifest = cls(**{**fields, 'spec': spec})
         manifest._check()
         return manifest
 
@@ -181,44 +186,22 @@ class Manifest:
 
 
 _IN_JSON = {tuple: list, Mapping: dict, FeatureSpec: dict, TrainingTrials: dict, Confidence: dict}
-_TYPES: dict[str, type] = {
-    DIGEST: str,
-    **{
-        name: _IN_JSON.get(get_origin(kind) or kind, kind)
-        for name, kind in get_type_hints(Manifest).items()
-    },
-}
-
-_Entry = TypeVar('_Entry', Confidence, TrainingTrials)
 
 
-def _read_entry(name: str, entry: Any, absent: _Entry) -> _Entry:
-    """Check that an entry has the fields and types of ``absent``, and return it as a record.
+def _check_fields(kind: type, entries: Mapping[str, Any], where: str = '') -> None:
+    """Check that entries have the fields and types of a dataclass.
 
-    Numbers must be finite and at least -1.
+    Numbers must be finite and at least -1. ``where`` is added to the message of an error.
     """
-    defaults = dataclasses.asdict(absent)
-    if not isinstance(entry, dict) or set(entry) != set(defaults):
-        raise ModelFileError(f'its manifest has no valid entry "{name}"')
-    for key, value in entry.items():
+    types = get_type_hints(kind)
+    for name, expected in types.items():
+        value = entries.get(name)
         is_number = isinstance(value, int | float)
-        if type(value) is not type(defaults[key]) or (is_number and not -1 <= value < math.inf):
-            raise ModelFileError(f'its manifest has no valid entry "{key}" in "{name}"')
-    return type(absent)(**entry)
-
-
-def _check_types(fields: dict[str, Any]) -> None:
-    for name, expected in _TYPES.items():
-        if type(fields.get(name)) is not expected:
-            raise ModelFileError(f'its manifest has no valid entry "{name}"')
-    if not -1 <= fields['false_alarm_rate'] <= 1:
-        raise ModelFileError('its manifest has a false alarm rate that is not between 0 and 1')
-    for name in ('labels', 'trial_digests'):
-        if not all(type(text) is str for text in fields[name]):
-            raise ModelFileError(f'its manifest has no valid entry "{name}"')
-    unknown = sorted(set(fields) - set(_TYPES))
-    if unknown:
-        raise ModelFileError(f'its manifest has the unknown entry "{unknown[0]}"')
+        is_of_type = type(value) is _IN_JSON.get(get_origin(expected) or expected, expected)
+        if not is_of_type or (is_number and not -1 <= value < math.inf):
+            raise ModelFileError(f'its manifest has no valid entry "{name}"{where}')
+    if unknown := sorted(set(entries) - set(types)):
+        raise ModelFileError(f'its manifest has the unknown entry "{unknown[0]}"{where}')
 
 
 MAX_LINE = 500
@@ -498,22 +481,12 @@ def _format_sessions(manifest: Manifest) -> str:
     groups = calibration.get('groups', 0)
     if isinstance(groups, int) and groups > 0:
         return f'Each of {groups} {things} was held out once. {describe_scope(manifest)}'
+    why = ''
     if 'reason' in calibration:
-        return (
-            f'No session was held out: {calibration["reason"]}. '
-            'Accuracy may be lower in a new session.'
-        )
-    if things != 'sessions':
-        return (
-            f'No {things} were held out, because the trials do not allow it. '
-            'Accuracy may be lower in new ones.'
-        )
-    if manifest.training.sessions > 1:
-        return (
-            'No session was held out, because a label occurs in one session only. '
-            'Accuracy may be lower in a new session.'
-        )
-    return 'No session was held out: accuracy may be lower in a new session.'
+        why = f': {calibration["reason"]}'
+    elif things != 'sessions' or manifest.training.sessions > 1:
+        why = ', because a label occurs in only one of them'
+    return f'No {things} were held out{why}. Accuracy may be lower in new {things}.'
 
 
 @refuse_damage('an entry of its manifest is')

@@ -45,8 +45,8 @@ class Prediction:
     ----------
     label : str
         A label of the model, ``'unknown'`` (unlike all training trials) or ``'no answer'``.
-    reason : str
-        One sentence if the label is ``'unknown'`` or ``'no answer'``; otherwise empty.
+    reason : str or None
+        One sentence if the label is ``'unknown'`` or ``'no answer'``; otherwise None.
     probabilities : mapping of str to float
         Probability of each label, calibrated on held-out trials. Empty if the model is not
         calibrated, or if the label is ``'no answer'``.
@@ -65,7 +65,7 @@ class Prediction:
     """
 
     label: str
-    reason: str
+    reason: str | None
     probabilities: Mapping[str, float] = dataclasses.field(default_factory=dict)
     scores: Mapping[str, float] = dataclasses.field(default_factory=dict)
     novelty: float | None = None
@@ -426,7 +426,7 @@ class TactileModel:
             simulated=window.simulated or self.manifest.simulated,
             outcome=outcome,
             label=found.label if outcome == PredictionOutcome.LABEL else '',
-            reason=found.reason,
+            reason=found.reason or '',
             labels=self.labels,
             scores=tuple(found.scores.values()),
             score_kind=self.manifest.score_kind,
@@ -451,7 +451,7 @@ class TactileModel:
         found = self.compute(values[np.newaxis])
         if not _are_finite(found)[0]:
             return Prediction(NO_ANSWER, 'the scores of these features are not finite')
-        label, reason = self.labels[int(found.answer[0])], ''
+        label, reason = self.labels[int(found.answer[0])], None
         scores = dict(zip(self.labels, found.scores[0].tolist(), strict=True))
         probabilities = scores if self.manifest.score_kind == PROBABILITY else {}
         if not len(found.novelty):

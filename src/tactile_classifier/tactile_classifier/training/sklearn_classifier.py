@@ -27,7 +27,6 @@ from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
     NearestNeighbours,
-    NEIGHBOURS,
     RANDOM_STATE,
     SupportVectorMachine,
 )
@@ -42,7 +41,7 @@ from tactile_classifier.training.feature_choice import (
 )
 from tactile_classifier.training.model_writer import pack_trained, write_model
 from tactile_classifier.training.trainer import check_size, train, Trained
-from tactile_classifier.types import CONTACTS, NO_ANSWER, ROCKET, TASKS, UNKNOWN
+from tactile_classifier.types import CONTACTS, NEIGHBOURS, NO_ANSWER, ROCKET, TASKS, UNKNOWN
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.estimators import FeatureTransformer, SpatialTransformer, validate_data
@@ -440,7 +439,7 @@ def read_pipeline(pipeline: Any) -> PipelineParts:
                 f'StandardScaler() is possible. {_REMEDY}'
             )
     name = _name_classifier(classifier)
-    if not name:
+    if name is None:
         raise ValueError(f'a model file cannot contain {classifier!r}, only {WRITABLE}. {_REMEDY}')
     scaling = 'standard' if scalers else 'none'
     return PipelineParts(first, name, scaling, _find_parameters(name, classifier))
@@ -453,20 +452,20 @@ def _is_auto(pipeline: Any) -> bool:
     return isinstance(pipeline, str) and pipeline == AUTO
 
 
-def _name_classifier(classifier: Any) -> str:
-    """Return our name of a classifier, or an empty string if a model file cannot contain it."""
+def _name_classifier(classifier: Any) -> str | None:
+    """Return our name of a classifier, or None if a model file cannot contain it."""
     kind = type(classifier)
     if kind in (KNeighborsClassifier, NearestNeighbours):
         is_euclidean = (classifier.metric, classifier.p) == ('minkowski', 2)
         is_euclidean = is_euclidean or classifier.metric == 'euclidean'
         is_plain = classifier.n_neighbors == NEIGHBOURS and classifier.weights == 'uniform'
-        return 'knn' if is_plain and is_euclidean else ''
+        return 'knn' if is_plain and is_euclidean else None
     if kind in (SVC, SupportVectorMachine):
-        return f'svm_{classifier.kernel}' if classifier.kernel in ('linear', 'rbf') else ''
+        return f'svm_{classifier.kernel}' if classifier.kernel in ('linear', 'rbf') else None
     if kind is DecisionTreeClassifier:
         return 'tree'
     is_convolution = kind is RandomConvolutionClassifier and classifier.channels == 1
-    return ROCKET if is_convolution else ''
+    return ROCKET if is_convolution else None
 
 
 def _find_parameters(name: str, classifier: Any) -> dict[str, Any]:

@@ -187,7 +187,7 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
             {'training': ONE, 'calibration': {}},
             [
                 '1 session, 1 mounting, 20 mm/s',
-                'No session was held out: accuracy may be lower in a new session.',
+                'No sessions were held out. Accuracy may be lower in new sessions.',
                 'All trials have the same mounting: other mountings were not tested.',
                 'at 20 mm/s: other sliding speeds were not tested.',
             ],
@@ -218,14 +218,14 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
         ),
         (
             {'training': SEVERAL, 'calibration': {'split': 'trials', 'groups': 0}},
-            ['a label occurs in one session only'],
+            ['a label occurs in only one of them'],
             [],
         ),
         # Too few trials for the rate: that is the reason, not the sessions.
         (
             {'training': SEVERAL, 'calibration': {'reason': '12 trials cannot'}},
-            ['No session was held out: 12 trials cannot. Accuracy'],
-            ['one session only'],
+            ['No sessions were held out: 12 trials cannot. Accuracy'],
+            ['only one of them'],
         ),
         (
             {'confidence': Confidence(), 'score_kind': 'votes'},

@@ -26,7 +26,8 @@ _BAD_STATUS = {
 }
 
 CROP_MARGIN = 10.0
-"""If the window is longer than this number of crops, these crops limit the stamp error."""
+"""The stamp error may be a fraction of the window length or, if that is shorter, of this number of
+times the crop at the start of the window."""
 
 _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
 

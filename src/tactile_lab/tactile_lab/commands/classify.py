@@ -105,7 +105,7 @@ def _table(trials: 'tuple[ClassifiedTrial, ...]') -> Table:
             'probability': '' if probability is None else f'{probability:.3f}',
             'p-value': '' if answer.p_value is None else f'{answer.p_value:.3f}',
             'model': each.model.model_id,
-            'reason': Prose(answer.reason),
+            'reason': Prose(answer.reason or ''),
         }
         table.add_row(*(cells[name] for name in names))
     return table
