@@ -60,22 +60,18 @@ Indices = npt.NDArray[np.int64]
 class RandomConvolutions:
     """Kernels with dilations and biases, fitted to signals of one length.
 
-    The features are ordered by dilation, then by kernel, then by bias, as in aeon. ``biases`` and
-    ``sources`` contain one array for each dilation. The biases have shape (84, biases) [unit of
-    the signal]. The sources have shape (84, 9): the channels that each kernel adds up, padded with
-    -1.
+    ``counts`` is the number of biases per kernel at each dilation. ``biases`` has one value for
+    each feature [unit of the signal]; the order is by dilation, then by kernel, as in aeon.
+    ``sources``, shape (dilations, 84, 9), contains the channels that each kernel adds up, padded
+    with -1.
     """
 
     samples: int
     channels: int
     dilations: Indices
-    biases: tuple[Single, ...]
-    sources: tuple[Indices, ...]
-
-    @property
-    def feature_count(self) -> int:
-        """Number of features per signal."""
-        return sum(biases.size for biases in self.biases)
+    counts: Indices
+    biases: Single
+    sources: Indices
 
     def transform(self, signals: npt.ArrayLike) -> Matrix:
         """Return the features, shape (trials, features), of signals (trials, channels, samples).
@@ -94,13 +90,14 @@ class RandomConvolutions:
     def compute(self, x: Single) -> Matrix:
         """Like `transform`, without checking the shape of the signals."""
         count_above = load_loops(len(x)).count_above
-        values = np.empty((len(x), self.feature_count))
-        first = 0
-        for i, (dilation, biases) in enumerate(zip(self.dilations, self.biases, strict=True)):
-            shares = np.empty((len(x), *biases.shape))
-            count_above(x, dilation, i % 2, biases, self.sources[i], shares)
-            values[:, first : first + biases.size] = shares.reshape(len(x), -1)
-            first += biases.size
+        values = np.empty((len(x), len(self.biases)))
+        ends = len(KERNELS) * np.cumsum(self.counts)
+        parts = np.split(self.biases, ends[:-1])
+        for i, (biases, end) in enumerate(zip(parts, ends, strict=True)):
+            shares = np.empty((len(x), len(KERNELS), self.counts[i]))
+            rows = biases.reshape(len(KERNELS), -1)
+            count_above(x, self.dilations[i], i % 2, rows, self.sources[i], shares)
+            values[:, end - len(biases) : end] = shares.reshape(len(x), -1)
         return values
 
     def sum_chosen(self, x: Single, rows: Indices, at: int) -> Single:

@@ -55,14 +55,15 @@ def fit_convolutions(
     chosen = np.random.RandomState(random_state).randint(
         trials, size=(len(dilations), len(KERNELS))
     )
-    kernels = RandomConvolutions(samples, channels, dilations, (), sources)
+    none = np.empty(0, np.float32)
+    kernels = RandomConvolutions(samples, channels, dilations, counts, none, sources)
     biases, first = [], 0
     for i, count in enumerate(counts):
         size = len(KERNELS) * count
         share = quantiles[first : first + size].reshape(-1, count)
         first += size
-        biases.append(_quantiles(kernels.sum_chosen(x, chosen[i], i), share))
-    return dataclasses.replace(kernels, biases=tuple(biases))
+        biases.append(_quantiles(kernels.sum_chosen(x, chosen[i], i), share).ravel())
+    return dataclasses.replace(kernels, biases=np.concatenate(biases))
 
 
 def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:
@@ -82,15 +83,15 @@ def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:
 
 
 @lru_cache(maxsize=16)
-def _choose_channels(channels: int, dilations: int, random_state: int) -> tuple[Indices, ...]:
-    """Return the channels of each kernel at each dilation, shape (84, 9), padded with -1."""
+def _choose_channels(channels: int, dilations: int, random_state: int) -> Indices:
+    """Return the channels of each kernel, shape (dilations, 84, 9), padded with -1."""
     random = np.random.RandomState(random_state)
     size = dilations * len(KERNELS)
     counts = 2 ** random.uniform(0, np.log2(min(channels, MAX_CHANNELS) + 1), size)
     sources = np.full((size, MAX_CHANNELS), -1)
     for row, count in zip(sources, counts.astype(np.intp), strict=True):
         row[:count] = random.choice(channels, count, replace=False)
-    return tuple(sources.reshape(dilations, len(KERNELS), MAX_CHANNELS))
+    return sources.reshape(dilations, len(KERNELS), MAX_CHANNELS)
 
 
 def _golden(count: int) -> Single:

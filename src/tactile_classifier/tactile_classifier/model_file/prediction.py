@@ -14,6 +14,7 @@ are inconsistent, `check` raises ModelFileError.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 import dataclasses
 from functools import cached_property, lru_cache
 import math
@@ -32,8 +33,7 @@ from tactile_classifier.estimators.convolutions import (
     RandomConvolutions,
     TAPS,
 )
-
-NEIGHBOURS = 3
+from tactile_classifier.types import NEIGHBOURS
 
 MAX_COMPARISONS = 2**26
 """Maximum number of comparisons with a bias for the convolutions of one window. This is 40 times
@@ -171,8 +171,34 @@ class Neighbours:
         return _compare(near, far, far)
 
 
+class _Machine(ABC):
+    """Support vector machine: one decision value per pair of labels."""
+
+    intercept: Matrix
+
+    @abstractmethod
+    def find_terms(self, row: Matrix) -> tuple[Matrix, Matrix]:
+        """Return the weights, shape (pairs, n), and the n values that they weight."""
+
+    def check(self, features: int, labels: int) -> None:
+        _require(len(self.intercept) == labels * (labels - 1) // 2, 'intercept')
+
+    def compute(self, row: Matrix) -> Matrix:
+        return count_votes(self.compare_pairs(row))
+
+    def compare_pairs(self, row: Matrix) -> Matrix:
+        """Return the decision values of one window, shape (pairs,)."""
+        weights, values = self.find_terms(row)
+        return np.asarray(weights @ values + self.intercept)
+
+    def find_margin(self, row: Matrix) -> float:
+        weights, values = self.find_terms(row)
+        sizes = np.abs(weights) @ np.abs(values) + np.abs(self.intercept)
+        return _find_vote_margin(self.compare_pairs(row), sizes)
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
-class LinearMachine:
+class LinearMachine(_Machine):
     """Support vector machine with a linear kernel; one row of coefficients per pair of labels."""
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -183,23 +209,12 @@ class LinearMachine:
     coefficients: Matrix
     intercept: Matrix
 
-    def check(self, features: int, labels: int) -> None:
-        _check_pairs(self.intercept, labels)
-
-    def compute(self, row: Matrix) -> Matrix:
-        return count_votes(self.compare_pairs(row))
-
-    def compare_pairs(self, row: Matrix) -> Matrix:
-        """Return the decision values of one window, shape (pairs,)."""
-        return np.asarray(self.coefficients @ row + self.intercept)
-
-    def find_margin(self, row: Matrix) -> float:
-        sizes = np.abs(self.coefficients) @ np.abs(row) + np.abs(self.intercept)
-        return _find_vote_margin(self.compare_pairs(row), sizes)
+    def find_terms(self, row: Matrix) -> tuple[Matrix, Matrix]:
+        return self.coefficients, row
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RadialMachine:
+class RadialMachine(_Machine):
     """Support vector machine with a Gaussian kernel: exp(-gamma * squared distance).
 
     ``weights`` contains the weight of each support vector for each pair of labels.
@@ -217,25 +232,11 @@ class RadialMachine:
     intercept: Matrix
     gamma: Matrix
 
-    def check(self, features: int, labels: int) -> None:
-        _check_pairs(self.intercept, labels)
-
-    def compute(self, row: Matrix) -> Matrix:
-        return count_votes(self.compare_pairs(row))
-
-    def compare_pairs(self, row: Matrix) -> Matrix:
-        """Return the decision values of one window, shape (pairs,)."""
-        return np.asarray(self.weights @ self.compute_kernel(row) + self.intercept)
-
-    def find_margin(self, row: Matrix) -> float:
-        sizes = np.abs(self.weights) @ self.compute_kernel(row) + np.abs(self.intercept)
-        return _find_vote_margin(self.compare_pairs(row), sizes)
-
-    def compute_kernel(self, row: Matrix) -> Matrix:
-        """Return the kernel between one window and each support vector, shape (vectors,)."""
+    def find_terms(self, row: Matrix) -> tuple[Matrix, Matrix]:
         # The square is not expanded: if features have a large offset, this would lose precision.
         change = self.vectors - row
-        return np.asarray(np.exp(-self.gamma * np.einsum('ij,ij->i', change, change)))
+        kernel = np.exp(-self.gamma * np.einsum('ij,ij->i', change, change))
+        return self.weights, np.asarray(kernel)
 
 
 def count_votes(pairs: Matrix) -> Matrix:
@@ -280,10 +281,6 @@ def _find_vote_margin(pairs: Matrix, sizes: Matrix) -> float:
 def _compare(first: float, second: float, size: float) -> float:
     """Return the difference of two numbers relative to a size."""
     return float(abs(first - second) / size) if size > 0.0 else 0.0
-
-
-def _check_pairs(intercept: Matrix, labels: int) -> None:
-    _require(len(intercept) == labels * (labels - 1) // 2, 'intercept')
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -387,16 +384,9 @@ class Convolutions:
 
     @cached_property
     def _sets(self) -> list[RandomConvolutions]:
-        size = len(KERNELS) * np.cumsum(self.counts)[:-1]
-        channels = self.references.shape[1]
+        shared = int(self.samples), self.references.shape[1], self.dilations, self.counts
         return [
-            RandomConvolutions(
-                int(self.samples),
-                channels,
-                self.dilations,
-                tuple(part.reshape(len(KERNELS), -1) for part in np.split(biases, size)),
-                tuple(sources),
-            )
+            RandomConvolutions(*shared, biases, sources)
             for biases, sources in zip(self.biases, self.sources, strict=True)
         ]
 

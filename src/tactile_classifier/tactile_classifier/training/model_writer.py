@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
-import tempfile
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -99,7 +99,7 @@ def check_labels(predictor: Predictor, estimator: Pipeline, values: Matrix) -> N
     """Raise ModelFileError if predicted labels differ between predictor and estimator.
 
     Labels are compared at the training trials, ``values``, shape (trials, k), and at points near
-    decision boundaries. They may differ if the margin is at most `ROUNDING`.
+    decision boundaries. A label may differ only if its margin is at most `ROUNDING`.
     """
     near = _find_points_near_borders(predictor, values)
     for rows, name in ((values, 'training trials'), (near, 'points near boundaries')):
@@ -181,9 +181,9 @@ def _take_convolutions(estimator: RandomConvolutionClassifier) -> Convolutions:
     return Convolutions(
         references=estimator.references_,
         dilations=sets[0].dilations,
-        counts=np.array([biases.shape[1] for biases in sets[0].biases]),
-        biases=np.stack([np.concatenate([b.ravel() for b in each.biases]) for each in sets]),
-        sources=np.stack([np.stack(each.sources) for each in sets]),
+        counts=sets[0].counts,
+        biases=np.stack([each.biases for each in sets]),
+        sources=np.stack([each.sources for each in sets]),
         coefficients=estimator.coef_,
         intercept=estimator.intercept_,
         samples=np.array(sets[0].samples),
@@ -192,18 +192,14 @@ def _take_convolutions(estimator: RandomConvolutionClassifier) -> Convolutions:
 
 def replace_file(path: Path, data: bytes) -> None:
     """Write a file atomically."""
-    temporary = None
+    temporary = path.with_name(f'.{path.name}.new')
     try:
-        with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f'.{path.name}.', delete=False
-        ) as file:
-            temporary = file.name
+        with temporary.open('wb') as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # temporary files are only readable by their owner
         os.replace(temporary, path)
     except OSError as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         raise ModelFileError(f'cannot write model {path}: {error.strerror}') from error
