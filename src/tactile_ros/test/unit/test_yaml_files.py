@@ -29,6 +29,11 @@ def test_a_number_to_base_60_is_a_text():
     }
 
 
+def test_a_number_needs_no_decimal_point_before_its_exponent():
+    assert load_yaml('[1e-3, -2E+4, 1.5e2, 0e0]') == [0.001, -20000.0, 150.0, 0.0]
+    assert load_yaml('[1e, e3, 0x1e3]') == ['1e', 'e3', 0x1E3]
+
+
 @pytest.mark.parametrize(
     ('text', 'named'),
     [
@@ -36,6 +41,12 @@ def test_a_number_to_base_60_is_a_text():
         ('[' * (MAX_DEPTH + 1), '32'),
         ('a: [1', 'YAML'),
         ('!!python/object:os.system {}', 'YAML'),
+        ('a: 1\nb: 2\na: 3', "'a' occurs twice.* line 3"),
+        ('a: {b: {c: 1, c: 2}}', "'c' occurs twice"),
+        ('a: 1\n---\nb: 2', 'document'),
+        ('a: "\\UFFFFFFFF"', 'YAML'),
+        ('a: ' + '9' * 100_000, 'YAML'),
+        ('- ' * 100_000, 'nested'),
     ],
 )
 def test_a_text_that_cannot_be_read_says_why(text, named):

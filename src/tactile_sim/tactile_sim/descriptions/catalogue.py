@@ -14,10 +14,10 @@ import hashlib
 import math
 from pathlib import Path
 import re
-from typing import Any, ClassVar, get_args, get_origin, get_type_hints, TypeVar
+from typing import Any, get_args, get_origin, get_type_hints, TypeVar
 
-import yaml
-
+from tactile_ros.errors import TactileError
+from tactile_ros.yaml_files import load_yaml, read_text
 from tactile_sim.descriptions.description import (
     Body,
     CONTACTS,
@@ -32,11 +32,7 @@ _T = TypeVar('_T')
 _Files = dict[str, tuple[str, dict[str, Any]]]
 """Path and values of each file of the user; the key is the name of the file."""
 
-_DEEPEST = 8
 _LONGEST_SHOWN = 40
-_WHOLE = re.compile(r'[-+]?[0-9]{1,18}\Z')
-_DECIMAL = re.compile(r'([-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?|-?\.inf|\.nan)\Z')
-
 _LARGEST_BYTES = 1 << 20
 _MOST_LABELS = 1000
 _LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z')
@@ -47,77 +43,18 @@ _GRAVITY_M_S2 = 9.80665
 _WIDEST = 3.0
 
 
-_Safe: Any = yaml.SafeLoader  # Any, because yaml has no type hints
+def _parse_text(text: str, name: str) -> dict[str, Any]:
+    """Return the mapping in a YAML text; ``name`` is the name of the file in messages.
 
-
-class _Loader(_Safe):
-    """The safe loader; scalars are strings except numbers, true, false and null."""
-
-    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        values: dict[Any, Any] = {}
-        for key, value in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                raise _refuse(key, 'it has a key that is not a word; write name: value')
-            if key.value in values:
-                raise _refuse(key, f'it has {show(key.value)} twice; remove one')
-            values[key.value] = self.construct_object(value, deep=True)
-        return values
-
-
-for _kind, _form in (
-    ('null', re.compile(r'(~|null)?\Z')),
-    ('bool', re.compile(r'(true|false)\Z')),
-    ('int', _WHOLE),
-    ('float', _DECIMAL),
-):
-    _Loader.add_implicit_resolver(f'tag:yaml.org,2002:{_kind}', _form, None)
-_Loader.add_constructor('tag:yaml.org,2002:int', lambda loader, node: int(node.value))
-
-
-def parse_text(text: str, name: str) -> dict[str, Any]:
-    """Read a mapping of names to numbers, words, lists and mappings.
-
-    Raises `DescriptionError` when the text is not such a mapping. ``name`` is the name of the file
-    in the message.
+    Raises `DescriptionError` when the text is not a mapping.
     """
     try:
-        _check_events(text)
-        values = yaml.load(text, Loader=_Loader)
-    except yaml.MarkedYAMLError as error:
-        line = '' if error.problem_mark is None else f' in line {error.problem_mark.line + 1}'
-        raise DescriptionError(f'{name} is not YAML{line}: {error.problem}; correct it') from None
-    except (yaml.YAMLError, ValueError, OverflowError) as error:
-        # A directive or an escape with a number that is out of range.
-        reason = ' '.join(str(error).split())
-        raise DescriptionError(f'{name} is not YAML: {reason}; correct it') from None
+        values = load_yaml(text)
+    except TactileError as error:
+        raise DescriptionError(f'{name}: {error}') from None
     if not isinstance(values, dict):
-        raise DescriptionError(
-            f'{name} must be a mapping of names to values; see the packaged one'
-        )
+        raise DescriptionError(f'{name} must be a mapping; see the packaged descriptions')
     return values
-
-
-def _check_events(text: str) -> None:
-    """Refuse aliases, tags and deep nesting, which could expand to large values."""
-    depth = documents = 0
-    for event in yaml.parse(text, Loader=_Loader):
-        if isinstance(event, yaml.AliasEvent):
-            raise _refuse(event, f'it has the alias *{event.anchor}; write the value itself')
-        if getattr(event, 'tag', None) is not None:
-            raise _refuse(event, f'it has the tag {show(event.tag)}; remove the tag')
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > _DEEPEST:
-            raise _refuse(event, 'it is nested too deeply; see the packaged descriptions')
-        documents += isinstance(event, yaml.DocumentStartEvent)
-        if documents > 1:
-            raise _refuse(event, 'it has more than one document; remove the lines ---')
-
-
-def _refuse(where: yaml.Event | yaml.Node, reason: str) -> yaml.MarkedYAMLError:
-    return yaml.MarkedYAMLError(problem=reason, problem_mark=where.start_mark)
 
 
 def parse_description(kind: type[_T], values: object, name: str) -> _T:
@@ -126,7 +63,7 @@ def parse_description(kind: type[_T], values: object, name: str) -> _T:
     Raises `DescriptionError` when a key is missing or unknown, or a value has the wrong type or is
     out of range.
     """
-    if not isinstance(values, Mapping):
+    if not isinstance(values, Mapping) or not all(isinstance(key, str) for key in values):
         raise DescriptionError(f'{name} must be a mapping of names to values')
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     needed = {key for key, field in fields.items() if field.default is dataclasses.MISSING}
@@ -321,29 +258,17 @@ def _read_folder(folder: Path) -> _Files:
                 f'Descriptions are {", ".join(known)}'
             )
         path = folder / name
-        files[name] = (str(path), parse_text(_read_text(path), str(path)))
+        try:
+            text = read_text(path, _LARGEST_BYTES)
+        except TactileError as error:
+            raise DescriptionError(f'cannot read {path}: {error}') from None
+        files[name] = (str(path), _parse_text(text, str(path)))
     return files
-
-
-def _read_text(path: Path) -> str:
-    try:
-        if not path.is_file():
-            raise DescriptionError(f'{path} is not a file; remove or rename it')
-        with path.open('rb') as stream:
-            data = stream.read(_LARGEST_BYTES + 1)
-    except OSError as error:
-        raise DescriptionError(f'cannot read {path}: {error.strerror}') from None
-    if len(data) > _LARGEST_BYTES:
-        raise DescriptionError(f'{path} is larger than 1 MiB; a description is a few kilobytes')
-    try:
-        return data.decode('utf-8')
-    except UnicodeDecodeError:
-        raise DescriptionError(f'{path} is not text in UTF-8; save it as UTF-8') from None
 
 
 @lru_cache
 def _read_packaged(name: str) -> Mapping[str, Any]:
-    return parse_text((_PACKAGED / name).read_text(encoding='utf-8'), name)
+    return _parse_text((_PACKAGED / name).read_text(encoding='utf-8'), name)
 
 
 def _parse_keyed(kind: type[_T], name: str, files: _Files) -> _T:
@@ -366,7 +291,7 @@ def _parse_labelled(kind: type[_T], name: str, files: _Files) -> tuple[tuple[str
     if len(own) > _MOST_LABELS:
         raise DescriptionError(f'{where} has {len(own)} labels; the limit is {_MOST_LABELS}')
     for label in own:
-        if not _LABEL.match(label):
+        if not (isinstance(label, str) and _LABEL.match(label)):
             raise DescriptionError(
                 f'{where}: the label {show(label)} must be 1 to 64 letters, digits, _, - and ., '
                 'and start with a letter or digit'
