@@ -339,9 +339,7 @@ class TactileBag:
             and (finger is None or self._finger_of(topic.name, namespaces) == finger)
         }
 
-    def messages(
-        self, *type_names: str, namespace: str | None = None, since_ns: int = 0
-    ) -> Iterator[BagMessage]:
+    def messages(self, *type_names: str, namespace: str | None = None) -> Iterator[BagMessage]:
         """Yield messages in the order of their arrival.
 
         Parameters
@@ -351,8 +349,6 @@ class TactileBag:
         namespace : str, optional
             Yield only messages of the finger with this namespace, without fingers nested in it. If
             omitted, yield the messages of all topics.
-        since_ns : int
-            Earliest arrival time [ns]; earlier messages are not read.
 
         Raises
         ------
@@ -370,9 +366,7 @@ class TactileBag:
                 )
         chosen = self.choose_topics(type_names, namespace)
         try:
-            for received_at_ns, topic, data in self._merged.messages(chosen, since_ns):
-                if received_at_ns < since_ns:
-                    continue
+            for received_at_ns, topic, data in self._merged.messages(chosen):
                 if self._packing == 'message':
                     data = _unpack_message(data)
                 store = self._stored.get(topic.name, self._store)
@@ -434,11 +428,9 @@ class _MergedFiles:
         self._files = files
         self._open_bytes = 0
 
-    def messages(
-        self, names: Collection[str], since_ns: int
-    ) -> Iterator[tuple[int, StoredTopic, bytes]]:
+    def messages(self, names: Collection[str]) -> Iterator[tuple[int, StoredTopic, bytes]]:
         """Yield arrival time [ns], topic and bytes of the messages on some topics."""
-        sources = (self._sources(n, file, names, since_ns) for n, file in enumerate(self._files))
+        sources = (self._sources(n, file, names) for n, file in enumerate(self._files))
         # The place of a source is unique, so later elements of the tuples are never compared.
         waiting = heapq.merge(*sources, key=lambda source: source[:2])
         due = next(waiting, None)
@@ -455,7 +447,7 @@ class _MergedFiles:
                 heapq.heappush(opened, (following[0], place, following, messages))
 
     def _sources(
-        self, number: int, file: McapFile | SqliteFile, names: Collection[str], since_ns: int
+        self, number: int, file: McapFile | SqliteFile, names: Collection[str]
     ) -> Iterator[tuple[int, _Place, Iterator[Message]]]:
         """Yield start, place and messages of each segment of a file, in the order of time."""
         channels = {n for n, topic in file.topics.items() if topic.name in names}
@@ -465,7 +457,7 @@ class _MergedFiles:
         due = [
             (segment.first_ns, i, segment)
             for i, segment in enumerate(file.segments)
-            if segment.last_ns >= since_ns and not segment.channels.isdisjoint(channels)
+            if not segment.channels.isdisjoint(channels)
         ]
         for first_ns, i, segment in sorted(due):
             yield first_ns, (number, i), self._open_segment(file, segment, channels)

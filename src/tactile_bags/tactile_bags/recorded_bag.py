@@ -47,13 +47,11 @@ class RecordedBag(TactileBag):
     def __enter__(self) -> RecordedBag:
         return self
 
-    def messages(
-        self, *type_names: str, namespace: str | None = None, since_ns: int = 0
-    ) -> Iterator[BagMessage]:
+    def messages(self, *type_names: str, namespace: str | None = None) -> Iterator[BagMessage]:
         """Yield messages as `TactileBag.messages` does, from memory if possible."""
         is_kept = bool(type_names) and set(type_names) <= set(RECORDED_TYPES)
-        if not is_kept or since_ns or not self._keep(type_names):
-            yield from super().messages(*type_names, namespace=namespace, since_ns=since_ns)
+        if not is_kept or not self._keep(type_names):
+            yield from super().messages(*type_names, namespace=namespace)
             return
         chosen = self.choose_topics(type_names, namespace)
         yield from (message for message in self._kept or () if message.topic in chosen)

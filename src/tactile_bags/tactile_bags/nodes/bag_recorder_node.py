@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 import json
 from pathlib import Path
-import threading
 import time
 from typing import Any, NamedTuple
 
@@ -34,7 +34,7 @@ from tactile_ros.bag_configs import RecorderConfig
 from tactile_ros.health import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.message_classes import message_class
 from tactile_ros.node_group import run_node
-from tactile_ros.periodic import Periodic
+from tactile_ros.periodic import Periodic, Ticker
 from tactile_ros.polling import PolledSubscription, PollingNode
 from tactile_ros.qos import EVENTS, STREAM
 from tactile_ros.strain import StrainStatus
@@ -104,7 +104,8 @@ class BagRecorderNode(PollingNode):
         self._recording: dict[str, PolledSubscription] = {}
         self._ahead: list[_Arrival] = []  # received; older messages may still come
         self._received_ns: dict[str, int] = {}  # arrival of the newest message of each topic
-        self._savers: list[_Saver] = []
+        self._savers: list[Periodic] = []
+        self._save_error: BagError | None = None
         self._held: dict[str, list[bytes]] = {}  # events from before the activation, by topic
         self._held_ns = 0  # monotonic time at which the last of these events arrived
         self._latched: dict[str, deque[bytes]] = {}  # recorded messages of latched topics
@@ -151,8 +152,11 @@ class BagRecorderNode(PollingNode):
         self._held, self._latched = {}, {}
         # The disk can fail while no messages arrive.
         self._check = self.call_every(SAVE_PERIOD_S, self._check_bag)
-        # Two threads: a slow sync to the disk must not delay writing to the file.
-        self._savers = [_Saver(writer.save), _Saver(writer.sync)]
+        self._save_error = None
+        for save in (writer.save, writer.sync):
+            # Two threads: a slow sync to the disk must not delay writing to the file.
+            ticker = Ticker('bag saver')
+            self._savers.append(ticker.every(SAVE_PERIOD_S, partial(self._save_part, save)))
 
     def start(self) -> None:
         if self._writer is None:
@@ -285,7 +289,7 @@ class BagRecorderNode(PollingNode):
     def tear_down(self) -> None:
         self.stop()
         with self.lock:
-            self._close_savers()
+            self._stop_saving()
             if self._writer is not None:
                 try:
                     self._finish(self._writer)
@@ -325,7 +329,7 @@ class BagRecorderNode(PollingNode):
     def _end_recording(self, error: BagError) -> None:
         """End the recording after an error of the bag. Other nodes are not affected."""
         self._stop_listening()
-        self._close_savers()
+        self._stop_saving()
         self._held = {}
         writer, self._writer = self._writer, None
         if writer is None:
@@ -347,12 +351,19 @@ class BagRecorderNode(PollingNode):
         with self.lock:
             if self._held and time.monotonic_ns() - self._held_ns > HISTORY_S * 1e9:
                 self._write_all_held()
-            if error := next(filter(None, (saver.error for saver in self._savers)), None):
-                self._end_recording(error)
+            if self._save_error is not None:
+                self._end_recording(self._save_error)
 
-    def _close_savers(self) -> None:
+    def _save_part(self, save: Callable[[], None]) -> None:
+        """Call a function of the writer; `_check_bag` handles its error."""
+        try:
+            save()
+        except BagError as error:
+            self._save_error = error
+
+    def _stop_saving(self) -> None:
         while self._savers:
-            self._savers.pop().close()
+            self._savers.pop().cancel()
 
     # -- audits --------------------------------------------------------------------------
 
@@ -496,32 +507,6 @@ class _Arrival(NamedTuple):
     data: bytes
     received_ns: int
     source_ns: int
-
-
-class _Saver:
-    """Thread that calls a saving function periodically until the function fails.
-
-    ``error`` is then the error that the function raised.
-    """
-
-    def __init__(self, save: Callable[[], None]) -> None:
-        self._save = save
-        self._end = threading.Event()
-        self.error: BagError | None = None
-        self._thread = threading.Thread(target=self._run, name='bag saver', daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        try:
-            while not self._end.wait(SAVE_PERIOD_S):
-                self._save()
-        except BagError as error:
-            self.error = error
-
-    def close(self) -> None:
-        """End the thread."""
-        self._end.set()
-        self._thread.join()
 
 
 def main() -> int:
