@@ -4,8 +4,8 @@
 """Configuration of a node: a frozen dataclass in which each field is a parameter.
 
 Metadata of a field: ``description``, and optionally ``unit``; ``range``, including both ends;
-``choices``; ``live``, True if the parameter may change at any time; and ``element``, the type of
-the elements of a tuple, if the default is empty and the elements are not strings.
+``choices``; and ``live``, True if the parameter may change at any time. The elements of a tuple
+whose default is empty are strings.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Action servers whose goals run on separate threads, and requests with a deadline."""
+"""Action servers whose goals run on separate threads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-import concurrent.futures
 import threading
 from typing import Any
 
@@ -16,56 +15,12 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from tactile_ros.clock_watch import ClockWatch, LOOK_S, Standstill
-from tactile_ros.rclpy_internals import run_on_executor
 from tactile_ros.refusal import Refusal
 
 EXPIRE_S = 1.0
 """Time after a standstill of the process during which new goals are refused [s].
 
 Goals that were sent during the standstill arrive within this time."""
-
-
-def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future[Any]:
-    """Send a request of ``node`` on the executor's thread; return a future of the answer.
-
-    An action client of rclpy registers a request only after sending it. If another thread sent
-    the request, the executor could receive the answer before that, and drop it.
-
-    Parameters
-    ----------
-    node : Node
-        Node that an executor on another thread spins.
-    request : callable
-        Sends the request and returns rclpy's future, for example
-        ``lambda: client.send_goal_async(goal)``.
-
-    Returns
-    -------
-    concurrent.futures.Future
-        It cannot be cancelled, so that a late answer can always be stored.
-
-    Raises
-    ------
-    RuntimeError
-        If no executor spins the node.
-    """
-    answer: concurrent.futures.Future[Any] = concurrent.futures.Future()
-    answer.set_running_or_notify_cancel()
-
-    def pass_on(future: Future) -> None:
-        try:
-            answer.set_result(future.result())
-        except Exception as error:
-            answer.set_exception(error)
-
-    def start() -> None:
-        try:
-            request().add_done_callback(pass_on)
-        except Exception as error:
-            answer.set_exception(error)
-
-    run_on_executor(node, start)
-    return answer
 
 
 def wait_for(future: Future, timeout_s: float) -> Any:

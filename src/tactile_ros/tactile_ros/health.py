@@ -12,7 +12,6 @@ import time
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.event_handler import (
     QoSSubscriptionEventType,
@@ -27,6 +26,7 @@ from std_msgs.msg import Empty
 from tactile_msgs.msg import Readiness
 from tactile_ros.errors import TactileError
 from tactile_ros.lifecycle import TactileNode
+from tactile_ros.periodic import SLOW_CALLS
 from tactile_ros.qos import LATEST
 from tactile_ros.rclpy_internals import NotOnExecutor, SubscriptionStatus
 from tactile_ros.refusal import Refusal
@@ -59,9 +59,9 @@ class Diagnostics:
     hardware_id : callable
         Returns an identifier of the hardware.
     provider : callable
-        Returns the present `Health`. It is called on the thread of periodic calls if the node is
-        a `TactileNode`, otherwise on the executor. It must not take the lock of a stage, because
-        the holder of that lock may wait for `close`.
+        Returns the present `Health`. It is called on the thread of periodic calls, and by
+        `publish`. It must not take the lock of a stage, because the holder of that lock may wait
+        for `close`.
     """
 
     def __init__(
@@ -72,20 +72,14 @@ class Diagnostics:
         self._provider = provider
         self._lock = threading.Lock()
         self._is_closed = False
-        self._stop_timer: Callable[[], object]
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # On a steady clock: diagnostics must not stop when simulated time is paused.
-        if isinstance(node, TactileNode):
-            self._stop_timer = node.call_every(PERIOD_S, self.publish).cancel
-        else:
-            clock = Clock(clock_type=ClockType.STEADY_TIME)
-            timer = node.create_timer(PERIOD_S, self.publish, clock=clock)
-            self._stop_timer = lambda: node.destroy_timer(timer)
+        call_every = node.call_every if isinstance(node, TactileNode) else SLOW_CALLS.every
+        self._calls = call_every(PERIOD_S, self.publish)
 
     def publish(self) -> None:
         """Publish immediately."""
         with self._lock:
-            if self._is_closed:
+            if self._is_closed or not self._node.context.ok():
                 return
             health = self._provider()  # called even without subscribers: it may count events
             if self._publisher.get_subscription_count():
@@ -112,7 +106,7 @@ class Diagnostics:
 
     def close(self) -> None:
         """Stop publishing; idempotent."""
-        self._stop_timer()
+        self._calls.cancel()
         with self._lock:
             if not self._is_closed:
                 self._is_closed = True

@@ -193,10 +193,8 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
     """
     for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
         default = list(field.default) if isinstance(field.default, tuple) else field.default
-        if default == []:
-            is_integer = field.metadata.get('element') is int
-            types = Parameter.Type
-            default = types.INTEGER_ARRAY if is_integer else types.STRING_ARRAY
+        if default == []:  # its type cannot be inferred
+            default = Parameter.Type.STRING_ARRAY
         overrides = parameter_overrides(node)
         if field.name in overrides:
             overrides[field.name] = _with_float(field, overrides[field.name])

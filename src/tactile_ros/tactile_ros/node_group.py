@@ -197,7 +197,7 @@ def _logger() -> Any:
     return get_logger('tactile')
 
 
-def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
+def run_node(factory: Callable[[], TactileNode]) -> int:
     """Run one node until it is finished or a signal arrives; return the process's exit code.
 
     If the parameter ``autostart`` is true (the default), the node configures and activates itself;
@@ -217,7 +217,7 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
             keep_heap_small()
             # Without the handlers of rclpy, which shut the context down immediately, so that a
             # node could no longer stop the guide.
-            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
             node = factory()
         except Exception as error:
             _logger().fatal(f'cannot start: {error}')
@@ -239,10 +239,10 @@ def outliving(*nodes: Any) -> Iterator[None]:
         faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
 
 
-def end_process(context: Context | None = None) -> None:
+def end_process() -> None:
     """Shut ROS down and make sure that the process ends; call this last, see `run_node`."""
     faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
-    rclpy.try_shutdown(context=context)
+    rclpy.try_shutdown()
     ignore_signals()
 
 

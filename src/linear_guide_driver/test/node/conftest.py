@@ -19,8 +19,8 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 from topic_peers import Peers
 
-from tactile_ros.goals import send
 from tactile_ros.rclpy_internals import Executor
+from tactile_testing.requests import send
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0

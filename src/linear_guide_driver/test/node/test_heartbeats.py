@@ -18,9 +18,9 @@ from scripted_servo import ScriptedServo
 from linear_guide_driver.linear_guide_node import LinearGuideNode
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
-from tactile_ros.goals import send
 from tactile_ros.health import HeartbeatWatch
 from tactile_ros.node_group import NodeGroup
+from tactile_testing.requests import send
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0

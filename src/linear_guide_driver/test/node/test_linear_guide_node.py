@@ -12,8 +12,8 @@ from linear_guide_driver.linear_guide_node import LinearGuideNode
 from linear_guide_driver.motion_node import FEEDBACK_PERIOD_S
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import Readiness
-from tactile_ros.goals import send
 from tactile_ros.qos import LATEST
+from tactile_testing.requests import send
 from tactile_testing.waiting import wait_until
 
 ALONE = {'poll_rate_hz': 20.0, 'tendon_topic': ''}

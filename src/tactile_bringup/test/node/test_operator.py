@@ -13,9 +13,9 @@ from tactile_bringup.nodes import operator_node
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_ros.errors import TactileError
-from tactile_ros.goals import send
 from tactile_ros.health import Heartbeat, PRESENCE_LEASE_S
 from tactile_ros.node_group import NodeGroup
+from tactile_testing.requests import send
 from tactile_testing.waiting import DEADLINE_S, wait_until
 
 

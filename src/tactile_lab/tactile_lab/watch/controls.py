@@ -18,7 +18,6 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.watch.node import CANCEL, place_of, RELEASES, RESETS, TARE, WatchNode
 from tactile_ros.errors import TactileError
 from tactile_ros.goal_client import call_until_answered
-from tactile_ros.goals import send
 from tactile_ros.node_group import NodeGroup
 
 ANSWER_TIMEOUT_S = 5.0
@@ -144,18 +143,15 @@ class WatchControls:
         """Return a service's response; None if it has no server and need not confirm."""
         if not self._node.must_confirm(path) and not await _is_there(client, FIND_TIMEOUT_S):
             return None
-        return await self._call(client, path, repeats=True)
+        return await self._call(client, path)
 
-    async def _call(self, client: Any, path: str, repeats: bool = False) -> Any:
-        """Call a service; if ``repeats`` is True, call it again until it responds."""
+    async def _call(self, client: Any, path: str) -> Any:
+        """Call a service until it responds. All these requests may be executed twice."""
 
         async def call() -> Any:
             await _is_there(client, ANSWER_TIMEOUT_S)
             request = client.srv_type.Request()
-            if repeats:
-                answer = call_until_answered(self._node, client, request, ANSWER_TIMEOUT_S)
-            else:
-                answer = send(self._node, lambda: client.call_async(request))
+            answer = call_until_answered(self._node, client, request, ANSWER_TIMEOUT_S)
             return await asyncio.wrap_future(answer)
 
         try:

@@ -23,9 +23,9 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
-from tactile_ros.goals import send
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
+from tactile_testing.requests import send
 from tactile_testing.simulated_rigs import (
     advance_rig,
     GUARD,

@@ -13,10 +13,11 @@ from rclpy.node import Node
 
 from tactile_msgs.action import MoveGuide
 from tactile_ros.clock_watch import boot_time_s, ClockWatch
-from tactile_ros.goals import GoalAborted, GoalRunner, send
+from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.refusal import Refusal
+from tactile_testing.requests import send
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0

@@ -10,8 +10,8 @@ from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tactile_ros.goals import send
 from tactile_ros.lifecycle import read_config, TactileNode
+from tactile_testing.requests import send
 from tactile_testing.waiting import wait_until
 
 

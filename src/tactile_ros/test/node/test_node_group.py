@@ -15,9 +15,9 @@ import pytest
 from rclpy.node import Node
 from std_msgs.msg import Int32
 
-from tactile_ros.goals import send
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
+from tactile_testing.requests import send
 
 DEADLINE_S = 10.0
 NoConfig = make_dataclass('NoConfig', [], frozen=True)
