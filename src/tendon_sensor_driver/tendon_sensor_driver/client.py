@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import suppress
 import errno
 import logging
 import os
@@ -61,7 +60,6 @@ class SerialTransport:
 
     def __init__(self, port: str, baud: int) -> None:
         self._name = port
-        self._lock = threading.Lock()
         try:
             # Exclusive access, because two readers would each receive a part of the lines.
             self._port = serial.Serial(
@@ -70,24 +68,17 @@ class SerialTransport:
         except _FAILURES as error:
             reason = _REMEDIES.get(getattr(error, 'errno', None) or 0, str(error))
             raise LinkError(f'cannot open serial port {port}: {reason}') from error
-        self._cancelled, self._cancel = os.pipe()
-        os.set_blocking(self._cancel, False)
         self._number = self._port.fileno()
         waiting = select.poll()
-        for number in (self._number, self._cancelled):
-            waiting.register(number, select.POLLIN)
+        waiting.register(self._number, select.POLLIN)
         self._wait = waiting.poll
 
     def read(self, timeout_s: float) -> bytes:
-        """Return the received bytes; none after ``timeout_s`` [s] of silence or after `cancel`."""
+        """Return the received bytes; none after ``timeout_s`` [s] of silence."""
         # Like pyserial's read, but with a single wait and a single read for all received bytes.
-        ready = self._wait(timeout_s * 1000)
-        if not ready:
+        if not self._wait(timeout_s * 1000):
             return b''
         try:
-            if len(ready) > 1 or ready[0][0] == self._cancelled:
-                os.read(self._cancelled, 1)
-                return b''
             data = os.read(self._number, _MOST_BYTES)
         except BlockingIOError:
             return b''
@@ -106,20 +97,9 @@ class SerialTransport:
         except _FAILURES as error:
             raise LinkError(f'cannot write to serial port {self._name}: {error}') from error
 
-    def cancel(self) -> None:
-        """Interrupt a `read` that waits in another thread. Has no effect on a closed port."""
-        with self._lock:  # after `close`, the pipe's descriptor may belong to another file
-            if self._port.is_open:
-                with suppress(BlockingIOError):  # a full pipe also ends the wait
-                    os.write(self._cancel, b'x')
-
     def close(self) -> None:
-        """Close the port. If another thread may be in `read`, call `cancel` first."""
-        with self._lock:
-            if self._port.is_open:
-                self._port.close()
-                os.close(self._cancelled)
-                os.close(self._cancel)
+        """Close the port; idempotent. Must not be called while another thread is in `read`."""
+        self._port.close()
 
 
 def find_serial_number(port: str) -> str:

@@ -350,6 +350,7 @@ LONGEST_DELIVERY_NS = 250_000_000
 """Longest time that ``on_block`` may take before the kernel's buffer can overflow [ns]."""
 
 _DROP_S = 0.05
+_LONGEST_READ_S = 0.1  # `TendonSensorClient.close` waits for a read to end
 _BURST_READINGS = 3
 _MENU_PROMPT = b'>'
 
@@ -375,16 +376,11 @@ class TendonSensorClient(LinkClient[SerialTransport]):
         super().__init__(config, on_block, now_ns)
         self._decoder = LineDecoder(config)
         self._stream = StrainStream(config)
+        self._silence_ns = round(config.silence_s * 1e9)
+        self._silent_at_ns = 0  # monotonic time at which the present silence becomes too long
         self._delivered_in_ns = 0
         self._overruns = 0
         self._bursts = 0
-
-    def close(self) -> None:
-        self._stop.set()
-        link = self._link
-        if link is not None:
-            link.cancel()
-        super().close()
 
     def health(self) -> SensorHealth:
         decoder = self._decoder
@@ -404,6 +400,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
 
     def _connect(self) -> SerialTransport:
         link = SerialTransport(self._config.port, self._config.baud)
+        self._silent_at_ns = time.monotonic_ns() + self._silence_ns
         self.identity = find_serial_number(self._config.port)
         if self._has_started:
             self._is_connected = True
@@ -415,15 +412,19 @@ class TendonSensorClient(LinkClient[SerialTransport]):
     def _read(self, link: SerialTransport) -> None:
         if self._delivered_in_ns > LONGEST_DELIVERY_NS:
             self._drop_input(link)
-        data = link.read(self._config.silence_s)
+        data = link.read(min(self._config.silence_s, _LONGEST_READ_S))
         if not data:
-            self._deliver(self._stream.flush())
-            self._leave_menu(link)
+            now_ns = time.monotonic_ns()
+            if now_ns >= self._silent_at_ns:
+                self._silent_at_ns = now_ns + self._silence_ns
+                self._deliver(self._stream.flush())
+                self._leave_menu(link)
             return
         received_at_ns = self._arrivals.now_ns()
         if self._arrivals.step_ns:
             self._stream.note_clock_step(self._arrivals.take_step_ns())
         began_ns = time.monotonic_ns()
+        self._silent_at_ns = began_ns + self._silence_ns
         readings = self._decoder.feed(data, received_at_ns)
         if readings:
             self._note_samples(began_ns)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 import copy
 import time
@@ -37,6 +36,10 @@ _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 LARGEST_DELAY_S = 0.02
 """Largest delay from stamp to arrival [s]. If the delay is longer, the shortest window of the
 texture protocol may be refused."""
+
+
+SAME_STAMPS = 10
+"""If this number of messages in a row repeat a stamp, the publisher does not stamp them."""
 
 
 class Publisher(NamedTuple):
@@ -89,8 +92,6 @@ def find_stream_problem(
     publishers: Sequence[Publisher],
     *,
     is_silent: bool,
-    new_duplicates: int = 0,
-    new_samples: int = 0,
 ) -> str | None:
     """Return a problem of the received messages, with a remedy, or None.
 
@@ -104,10 +105,6 @@ def find_stream_problem(
         Publishers of the topic.
     is_silent : bool
         True if no message has arrived for ``silence_s``.
-    new_duplicates : int
-        Number of readings during the last second whose stamp equals the stamp before.
-    new_samples : int
-        Number of other readings during the last second.
     """
     nodes = ', '.join(sorted({publisher.node for publisher in publishers}))
     if is_silent:
@@ -120,7 +117,7 @@ def find_stream_problem(
             f'{topic} has {len(publishers)} publishers ({nodes}), whose samples are mixed; stop '
             'all but one, or set "topic" to a topic with one publisher'
         )
-    if new_duplicates and not new_samples:
+    if stream.clock is not None and stream.clock.repeats >= SAME_STAMPS:
         return (
             'all messages have the same stamp; set topic_stamps to arrival, or let the publisher '
             'stamp each message'
@@ -144,7 +141,6 @@ def find_stream_problem(
 
 
 LOOK_PERIOD_S = 0.1
-_LOOKS = 10  # number of looks whose counters are kept, for the counts of the last second
 _LARGEST_WAIT_NS = 10_000_000_000
 
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -179,7 +175,6 @@ class TopicClient(SensorClient):
         self._rejected = 0
         self._last_rejected = ''
         self._refusal: str | None = None  # why the subscription failed
-        self._past: deque[tuple[int, int]] = deque(maxlen=_LOOKS)  # duplicates, samples
 
     def open(self) -> None:
         """Start to look for the publisher.
@@ -233,21 +228,10 @@ class TopicClient(SensorClient):
     def _find_problem(self) -> str | None:
         if not self._is_connected:
             return None
-        now = (self._count_duplicates(), self._stream.readings)
-        before = self._past[0] if self._past else now
-        duplicates = now[0] - before[0]
+        is_silent = self._measure_silence_s() > self._config.silence_s
         return find_stream_problem(
-            self.identity,
-            self._stream,
-            self._publishers,
-            is_silent=self._measure_silence_s() > self._config.silence_s,
-            new_duplicates=duplicates,
-            new_samples=now[1] - before[1] - duplicates,
+            self.identity, self._stream, self._publishers, is_silent=is_silent
         )
-
-    def _count_duplicates(self) -> int:
-        samples = self._stream.samples
-        return 0 if samples is None else samples.clock.duplicates
 
     def _measure_silence_s(self) -> float:
         return (time.monotonic_ns() - self._heard_monotonic_ns) / 1e9
@@ -273,7 +257,6 @@ class TopicClient(SensorClient):
                 self._stream.note_reconnection()
             self._has_met = True
         self._is_connected = is_there
-        self._past.append((self._count_duplicates(), self._stream.readings))
         if not is_there or self._measure_silence_s() > self._config.silence_s:
             self._deliver(self._stream.flush())
 

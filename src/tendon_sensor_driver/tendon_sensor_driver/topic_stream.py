@@ -201,13 +201,15 @@ class StampClock(SampleClock):
         Number of times that the publisher's clock was set.
     irregular_stamps : int
         Number of steps of the stamps across which no message is known to be missing.
+    repeats : int
+        Number of duplicates since the newest other sample.
     number : int or None
         Sequence number of the message that is placed next.
     """
 
     def __init__(self, period_ns: int) -> None:
         super().__init__(period_ns)
-        self.steps = self.irregular_stamps = 0
+        self.steps = self.irregular_stamps = self.repeats = 0
         self.number: int | None = None
         self._delays_ns: list[int] = []  # shortest delay in each of the last two spans of 5 s
         self._span_ns = 0  # time of arrival at which the newer span began
@@ -239,6 +241,7 @@ class StampClock(SampleClock):
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
         # ``ticks`` is the stamp of the header [ns].
         before, self._last_number = self._last_number, self.number
+        repeats, self.repeats = self.repeats, 0
         if ticks is None:
             return self._place_by_arrival(received_at_ns, before)
         is_next = before is not None and self.number == before + 1
@@ -249,6 +252,7 @@ class StampClock(SampleClock):
         elapsed_ns = ticks - self._last.stamp_ns
         if -_LATE_NS < elapsed_ns <= 0:
             self._drop_old(-elapsed_ns)
+            self.repeats = 0 if elapsed_ns else repeats + 1
             if elapsed_ns and self._closed:  # the step before was no late stamp, but this sample
                 self._closed -= 1
                 self._index += 1
