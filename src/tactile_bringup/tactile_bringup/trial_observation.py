@@ -66,7 +66,7 @@ class TendonContact:
         self.rest_ns: int | None = None
         self.error_m = self.last_m = 0.0
         self._fastest_m_s = 0.0
-        self._least_error_m = math.inf  # smallest error since the tendon is within the tolerance
+        self._least_error_m = math.inf  # smallest error since the error fell below the tolerance
         self._nearest_ns = 0  # stamp of the first state with this error
         self._last_ns: int | None = None
         self._set_back_ns = 0  # largest decrease between consecutive stamps

@@ -72,7 +72,8 @@ def test_home_then_move_ends_at_rest_at_the_target(guide, grbl):
     took_s = time.monotonic() - began_s
     assert state.position_m == pytest.approx(0.031, abs=1e-6)
     assert state.state == 'Idle'
-    # The controller reports Idle right after the ok of the move. Only the dwell shows the end.
+    # The controller reports Idle right after the ok of the move; only the dwell shows the true end
+    # of the motion.
     assert took_s >= 0.3
     assert grbl.mpos == -169.0
     assert max(s.velocity_m_s for s in states) == pytest.approx(0.1)

@@ -216,7 +216,7 @@ def test_a_driver_whose_cable_is_plugged_in_again_is_ready_by_itself(bench, serv
 def test_tension_at_the_zero_asks_for_homing_and_slackening_goes_by_the_sensor(
     bench, servo, peers
 ):
-    # Although the torque is off, friction of the gear keeps 2 N on the tendon (1 N per mm).
+    # Although the torque is off, friction of the gear keeps a tension of 2 N (1 N per millimetre).
     peers.tension_n = 2.0
     start(bench, servo)
     wait_until(lambda: bench.node._client.safety.zero is Zero.UNKNOWN)

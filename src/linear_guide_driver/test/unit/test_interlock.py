@@ -27,11 +27,13 @@ AGE_NS = round(REPORT_AGE_S * 1e9)
         (0.0007, Zero.KNOWN, {'is_slack': False}, Slack.TAUT),
         (0.0007, Zero.KNOWN, {'is_slack': False, 'was_slack': True}, Slack.SLACK),
         (0.0011, Zero.KNOWN, {'is_slack': False, 'was_slack': True}, Slack.TAUT),
-        # At the start the sensor has not confirmed the zero. Without a sensor nothing does.
+        # At the start the sensor has not confirmed the zero. If there is no sensor, nothing
+        # confirms it.
         (0.0, Zero.UNCONFIRMED, {'is_slack': True}, Slack.UNKNOWN),
         (0.0, Zero.UNCONFIRMED, {'is_slack': True, 'has_sensor': False}, Slack.SLACK),
         (0.004, Zero.UNCONFIRMED, {'is_slack': False}, Slack.TAUT),
-        # The zero is unknown: slackened by the longest pull, or the sensor reads no tension.
+        # The zero is unknown: slackened by the longest possible pull, or the sensor reads no
+        # tension.
         (-0.02, Zero.UNKNOWN, {'is_slack': True}, Slack.SLACK),
         (0.0, Zero.UNKNOWN, {'is_slack': False}, Slack.UNKNOWN),
         (0.0, Zero.UNKNOWN, {'is_slack': False, 'was_slack': True}, Slack.UNKNOWN),

@@ -40,7 +40,7 @@ PORTLESS_SENSORS = ('net_ft', 'topic')
 """Kinds of sensor without a serial port."""
 
 NEEDED_BY = {'tactile_bags': ('mcap', 'rosbags'), 'tactile_sim': ()}
-"""Optional packages, with the libraries that they need from pip."""
+"""Optional packages, with their dependencies that are available only from pip."""
 
 DEVICES = Path('/dev/tactile')
 """Folder of the device names that the udev rules of this package create."""
@@ -114,9 +114,9 @@ class ModelChoice:
     def of_finger(
         cls, given: str, stated: NodeParameters, task: str = '', contact: str = ''
     ) -> ModelChoice | None:
-        """Return the models at a path or, if it is empty, the models that a file states.
+        """Return the models at a path or, if the path is empty, the models of a parameter file.
 
-        ``given`` is the path, and ``stated`` the contents of a parameter file. Models that the
+        ``given`` is the path, and ``stated`` the contents of the parameter file. Models that the
         file states for the features node or for the classifier node are used for both nodes. See
         `read` for the other arguments.
         """

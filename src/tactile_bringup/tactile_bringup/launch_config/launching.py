@@ -37,15 +37,20 @@ from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_ros.errors import TactileError
 
 ENDS_WITHIN_S = '15'
-"""Time from SIGINT to SIGTERM [s]. A trial that is ended first brings the rig to rest, for which
-launch's default of 5 s may be too short on a busy computer."""
+"""Time from SIGINT to SIGTERM [s].
+
+A trial that is ended first brings the rig to rest. On a busy computer this may take longer than
+launch's default of 5 s.
+"""
 
 RIG_LINGERS_S = 3.0
-"""Time for which a simulated rig with moving devices runs on after its drivers [s], so that they
-can bring it to rest."""
+"""Time for which a simulated rig with moving devices continues to run after SIGINT [s].
+
+The drivers need this time to bring the devices to rest.
+"""
 
 AFTER_END_S = 2.0
-"""Time for pending computations after the node that ends the launch has ended [s]."""
+"""Time [s] from the end of the node that ends the launch to SIGINT, for pending computations."""
 
 
 def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:

@@ -31,8 +31,8 @@ def connect_fingers(nodes: Iterable[Any]) -> None:
     """Connect the stages of each finger, so that they call each other directly.
 
     Must be called before the nodes are configured. Nodes in one namespace belong to one finger.
-    Nodes without a stage are ignored. If a finger has no sensor node, its samples come from the
-    topic of a node in another process.
+    Nodes that do not process samples, features or classifications are ignored. If a finger has no
+    sensor node, its samples come from the topic of a node in another process.
     """
     fingers: dict[str, dict[type, Any]] = {}
     for node in nodes:

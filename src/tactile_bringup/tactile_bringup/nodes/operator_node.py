@@ -206,7 +206,8 @@ class OperatorNode(Node):  # type: ignore[misc]
             raise TactileError(
                 f'{what}: the action server does not answer; check that the rig is running'
             )
-        if rivals := self._rivals[client].find_loss():  # either of the two nodes may answer
+        # If there are two nodes with the name of the server, either of them may answer.
+        if rivals := self._rivals[client].find_loss():
             raise TactileError(f'{what}: {rivals}')
         goal = client.send(message)
         self._goals.append(goal)

@@ -32,7 +32,7 @@ from tactile_ros.strain import NOT_LIVE
 
 
 class ContactLost(GoalAborted):
-    """The tendon has left its displacement. Reasons that its driver reports are added."""
+    """The tendon has left its displacement; the message also contains the driver's reasons."""
 
 
 class RunningTrial:
@@ -224,7 +224,7 @@ class TrialDevice:
         assert self._position_m is not None
         now_s = time.monotonic()
         self._reported_s = max(self._reported_s, now_s + REST_REPORT_S)
-        self._track_end_s = now_s + TRACK_S  # set before the track, for which it must be valid
+        self._track_end_s = now_s + TRACK_S  # set first, because the track is checked against it
         self._track = MotionTrack(self._position_m, target_m, speed_m_s)
         return self._track
 
@@ -324,7 +324,7 @@ class TrialDevice:
             try:
                 self._check_wait(deadline_s, lateness)
             except GoalAborted:
-                check()  # after a standstill of the runner, report the standstill instead
+                check()  # if the runner stood still, this reports the standstill instead
                 raise
         try:
             return future.result()

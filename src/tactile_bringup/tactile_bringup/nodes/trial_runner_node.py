@@ -64,13 +64,13 @@ counts as hanging [s]. The period is long, because each call costs 0.6 ms, and b
 node does not command any motion."""
 
 LOG_S, LOG_AFTER_S = 0.5, 10.0
-"""Period of the check for missing things after the start, and time until they are logged [s]."""
+"""Period of the check for missing conditions, and time until these are logged [s]."""
 
 HOMINGS = {
     'home the guide': ('linear_guide/home', 'tactile_msgs/action/HomeGuide'),
     'home the tendon': ('tendon_actuator/home', 'tactile_msgs/action/HomeTendon'),
 }
-"""Action that helps if a message about a missing thing contains the phrase."""
+"""Homing action to propose if the message about a missing condition contains the phrase."""
 
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3
@@ -79,9 +79,11 @@ for a short time."""
 
 
 class TrialRunnerNode(PollingNode):
-    """Runs trials: action ``~/run_trial``, topics ``~/events``, ``~/ready``, ``~/heartbeat``.
+    """Node that runs trials.
 
-    The services ``~/stop`` and ``~/reset`` set and end the stopped state of the rig.
+    It provides the action ``~/run_trial`` and publishes ``~/events``, ``~/ready`` and
+    ``~/heartbeat``. The services ``~/stop`` and ``~/reset`` begin and end the stopped state of the
+    rig.
 
     The stamp of a phase is taken from the observed motion: a glide begins when the guide moves, a
     hold when the tendon is at rest. A trial fails if a driver or the strain falls silent, if the
@@ -217,7 +219,7 @@ class TrialRunnerNode(PollingNode):
         return list(dict.fromkeys(str(part) for part in parts if part))
 
     def _log_readiness(self) -> None:
-        """Log once that trials can run or, after some time, the missing things; periodic."""
+        """Log once that trials can run or, after `LOG_AFTER_S`, which conditions are missing."""
         missing, log = None if self._ready is None else self._ready.missing, self._readiness_log
         if missing is None or log is None:
             return
@@ -408,7 +410,9 @@ class TrialRunnerNode(PollingNode):
         try:
             self._find_end(trial)
         except Exception:
-            trial.is_watched = False  # ending the trial may take longer than a lease
+            # From now on the executor publishes the heartbeat, because ending a trial may take
+            # longer than the lease.
+            trial.is_watched = False
             raise
         trial.is_watched = True
         self._beat()
@@ -416,7 +420,7 @@ class TrialRunnerNode(PollingNode):
     def _find_end(self, trial: RunningTrial) -> None:
         """Raise an exception if there is a reason to end the trial."""
         self.poll_now()
-        # First, because a standstill explains more than a cancellation that follows from it.
+        # A standstill is checked first, because it may be the cause of a cancellation.
         trial.look(self.config.heartbeat_timeout_s)
         trial.goal.check()
         if trial.elapsed_s > trial.longest_s:
@@ -426,7 +430,7 @@ class TrialRunnerNode(PollingNode):
         try:
             self._find_loss(trial)
         except GoalAborted:
-            # After a standstill of the runner, report the standstill instead.
+            # If the runner stood still, report the standstill instead.
             trial.look(self.config.heartbeat_timeout_s)
             raise
 

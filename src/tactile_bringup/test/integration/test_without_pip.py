@@ -24,7 +24,7 @@ ONLY_PIP = (
     *('skl2onnx', 'zstandard'),
 )
 OTHERS = ('numba', 'tactile_bags', 'tactile_lab', 'tactile_sim')
-"""Optional on a robot."""
+"""Packages that are optional on a robot."""
 
 HAS_LAUNCH = bool(find_spec('launch.actions') if find_spec('launch') else None)
 
@@ -34,7 +34,7 @@ for name in {blocked!r}:
     sys.modules[name] = None  # importing it raises ModuleNotFoundError
 """
 LEFT_OUT = ('.compiled_convolutions',) if HAS_LAUNCH else ('.compiled_convolutions', '.launching')
-"""Modules that are imported where numba or launch is installed."""
+"""Modules that can be imported only if numba or launch is installed."""
 
 IMPORT_ALL = """
 import importlib, pkgutil

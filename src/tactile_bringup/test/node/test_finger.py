@@ -179,7 +179,7 @@ def test_nothing_is_built_until_somebody_subscribes_and_then_the_next_sample_com
     executor.add_node(elsewhere)
     wait_until(lambda: len(heard) >= 10, step=lambda: executor.spin_once(timeout_sec=0.05))
     executor.shutdown()
-    # Samples of another publisher on the topic are none of this finger's.
+    # Samples of another publisher on the topic are not samples of this finger.
     publisher = elsewhere.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
     wait_until(lambda: finger.sensor.count_publishers('/tendon_sensor/strain') >= 2)
     publisher.publish(StrainBlock(sequence=10**6, period_ns=10**7, tension_n=[9.0]))
@@ -287,7 +287,7 @@ def test_tare_and_events_come_in_the_middle_of_blocks(make_finger, elsewhere):
 
 
 def test_a_publisher_that_blocks_holds_up_no_request(make_finger):
-    """A reliable publisher can block for 0.1 s a message, at 7 kHz in blocks of 70."""
+    """A reliable publisher can block for 0.1 s per message; at 7 kHz a message has 70 samples."""
     finger = make_finger(7000)
     publish = finger.sensor.stage._strain.publish
     finger.sensor.stage._strain.publish = lambda block: (time.sleep(0.1), publish(block))

@@ -48,7 +48,7 @@ def ear(context):
 def test_a_hand_runs_with_the_parameters_of_a_file_and_a_finger_without_its_device_comes_later(
     context, ear, tmp_path
 ):
-    """About ten seconds: two programs start, and a missing device is tried again after five."""
+    """Takes about ten seconds: two programs start, and a missing device is retried after 5 s."""
     node, spin = ear
     heard = {finger: [] for finger in FINGERS}
     for finger in FINGERS:
@@ -96,7 +96,8 @@ def test_without_autostart_the_nodes_wait_for_a_lifecycle_manager(context, ear, 
             timeout_s=DEADLINE_S,
             step=spin,
         )
-        # Configured, the sensor would have failed: there is no device, and the process ended.
+        # The sensor has no device. If it had been configured, it would have failed and ended the
+        # process.
         assert not node.count_publishers('/tactile_features/features')
         process.send_signal(signal.SIGTERM)
         _, errors = process.communicate(timeout=DEADLINE_S)

@@ -35,7 +35,7 @@ def test_a_device_whose_action_server_goes_away_ends_the_trial(bench):
     bench.guide.waits_in = (2,)
     goal = bench.start('texture')
     wait_until(lambda: len(bench.guide.goals) == 2)
-    # The result of the goal is never sent, as if the process were killed.
+    # The result of the goal is never sent, as if the process had been killed.
     bench.guide._runner._server.destroy()
     assert 'linear guide' in bench.end(goal).message
     bench.wait_until_released()
@@ -217,11 +217,11 @@ def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, ph
     bench.wait_for_phase(phase)
     bench.process.send_signal(signal.SIGSTOP)
     frozen_s = time.monotonic()
-    # Until the phase is long over. The devices here do not mind, and go on as commanded.
+    # Frozen until the phase is over. The devices of this test continue as commanded.
     wait_until(lambda: time.monotonic() > frozen_s + 2.0)
     bench.process.send_signal(signal.SIGCONT)
     message = bench.end(goal).message
-    # Reported by the watch of the trial or of its goal, whichever is first.
+    # The standstill is reported by the watch of the trial or by the watch of its goal.
     assert re.search(rf'\d\.\d+ s .*{phase}|{phase}.* \d\.\d s', message), message
     bench.wait_for_phase('aborted')
     bench.wait_until_released()

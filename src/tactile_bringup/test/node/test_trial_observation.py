@@ -112,7 +112,7 @@ def test_a_motion_that_nobody_reports_fails(bench):
 
 def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench):
     runner, said = bench.runner, []
-    # Not from the standard error: a line that comes while pytest empties it is lost.
+    # The log is not read from the standard error, because pytest may lose a line of it.
     logger = SimpleNamespace(info=said.append, warning=said.append, set_level=lambda _: None)
     runner.get_logger = lambda: logger
     runner._readiness_log.cancel()  # it was ready from its start
@@ -141,7 +141,7 @@ def test_a_goal_waits_for_a_driver_and_one_that_stays_unready_ends_it_with_its_s
     assert bench.end(bench.start('stiffness')).message.endswith(sentence)
     bench.wait_for_phase('aborted')
     bench.events.clear()
-    # Unready for long: the result of a homing can come before ~/ready.
+    # The driver is not ready for a longer time: the result of a homing can come before ~/ready.
     handle = bench.start('stiffness', hold_s=0.5)
     bench.wait_for_phase('approach')
     assert (bench.guide.goals, bench.tendon.goals) == ([], [])

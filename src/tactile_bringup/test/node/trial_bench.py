@@ -28,7 +28,7 @@ from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 START_S = 60.0
-"""For a process to start on a busy computer."""
+"""Longest time [s] until a process has started on a busy computer."""
 PERIOD_S = 0.01
 SERVER_TIMEOUT_S = 1.0
 SILENCE_S = 0.8  # a busy computer may keep a node from its core for as long as the default
@@ -41,7 +41,7 @@ class NoConfig:
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion as a function of time: a late report has the position at its stamp."""
+    """A motion as a function of time, so that a late report contains the position at its stamp."""
 
     start_m: float
     target_m: float
@@ -63,9 +63,9 @@ class Motion:
 class Device(TactileNode):
     """A device that executes its goals, unless the test changes its behaviour.
 
-    Goals are counted from 1. ``waits_in``, ``fails_in``, ``delays``: what happens before a goal
-    moves anything; ``pauses``: a pause half way [s]; ``slowness``: by which factor it is slow;
-    ``rest_period_s``: period of the joint states at rest.
+    Goals are counted from 1. ``waits_in``, ``fails_in`` and ``delays`` apply before a goal moves
+    anything. ``pauses`` are pauses half way [s], ``slowness`` is the factor by which motions take
+    longer, and ``rest_period_s`` is the period of the joint states at rest.
     """
 
     def __init__(self, name, action_type, verb, **options):
@@ -227,7 +227,7 @@ class Bench:
         self.action.close()
 
     def touch(self, protocol):
-        """Start a trial that stays in contact: in its hold, or before its glide."""
+        """Start a trial that stays in contact, in its hold or before its glide."""
         self.guide.waits_in = (2,) if protocol == 'texture' else ()
         goal = self.start(protocol)
         wait_until(

@@ -15,7 +15,7 @@ from tactile_bringup.launch_config.parameter_tables import read_launch_arguments
 PACKAGE = Path(__file__).resolve().parents[2]
 LAUNCHING = PACKAGE / 'tactile_bringup' / 'launch_config' / 'launching.py'
 KILL_AFTER_S = 5
-"""Time from SIGTERM to SIGKILL in launch, which we do not set [s]."""
+"""Time from SIGTERM to SIGKILL [s]: the default of launch."""
 
 
 @pytest.fixture(scope='module')
@@ -32,7 +32,8 @@ def test_it_starts_a_launch_file_with_arguments_that_it_has(service):
     *sources, launch = commands.split(' && ')
     assert sources
     assert all(source.startswith('source /') for source in sources)
-    # Without exec, the main process is the shell, which passes no signal on.
+    # If the command did not use exec, the main process would be the shell, which forwards no
+    # signal.
     words = launch.split()
     assert words[:4] == ['exec', 'ros2', 'launch', 'tactile_bringup']
     assert (PACKAGE / 'launch' / words[4]).is_file()

@@ -52,7 +52,7 @@ def test_a_tendon_that_still_moves_is_not_at_rest(speed_m_s):
 @pytest.mark.parametrize('radius_m', [0.001, 0.01, 0.1])
 @pytest.mark.parametrize('speed_m_s', [0.0001, 0.0005, 0.001, 0.01])
 def test_the_rest_is_right_with_the_resolution_of_the_servo(speed_m_s, radius_m, poll_rate_hz):
-    """Speeds are read in units of 0.229 rpm and are wrong by up to one, positions in counts."""
+    """Speeds have steps of 0.229 rpm and an error of up to one step; positions are counts."""
     random = np.random.default_rng(0)
     unit_m_s = registers.velocity_to_m_s(1, radius_m)
     units = registers.m_s_to_velocity(speed_m_s, radius_m)
