@@ -18,6 +18,6 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    description='The ROS shell that all nodes share.',
+    description='Base classes and helpers of all nodes: lifecycle, parameters, goals, diagnostics, signals.',
     license='Apache-2.0',
 )

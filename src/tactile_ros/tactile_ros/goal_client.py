@@ -13,7 +13,7 @@ moment (https://github.com/eProsima/Fast-DDS/pull/6371). Therefore:
   accepted, even if the answer was lost.
 - A result is requested again when the status shows that the goal has ended, and every `ASK_S`.
   The server keeps results for 15 minutes. After the end of the goal, every second repetition is
-  sent by a new client, in case the server has missed the present one.
+  sent by a new client, because the server may never have discovered the present one.
 - A goal is never sent twice, and a service call is repeated only if executing it twice is
   harmless.
 
@@ -163,7 +163,9 @@ class SentGoal:
             return
         reply = future.result()
         if reply.status == GoalStatus.STATUS_UNKNOWN:
-            self._client.ros.cancel_async(self.goal_id)  # in case another server runs it
+            self._client.ros.cancel_async(
+                self.goal_id
+            )  # another server may have accepted the goal
             self.lose(
                 'the action server does not know the goal; check whether its node was restarted'
             )

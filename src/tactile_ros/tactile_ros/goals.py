@@ -36,7 +36,7 @@ def wait_for(future: Future, timeout_s: float) -> Any:
 
 
 class GoalEnd(Exception):  # noqa: N818 - an outcome of a goal, not a fault of the program
-    """Ends a goal early. ``fields`` are further fields of the result message."""
+    """Base class of exceptions that end a goal early; ``fields`` are further result fields."""
 
     def __init__(self, message: str, **fields: Any) -> None:
         super().__init__(message)
@@ -52,7 +52,7 @@ class GoalCanceled(GoalEnd):
 
 
 class Goal:
-    """A running goal, from the worker's point of view.
+    """A running goal, as the function that executes it sees it.
 
     If a ``watch`` is given, the goal ends early after a standstill of the process.
 

@@ -39,7 +39,7 @@ from tactile_ros.rclpy_internals import (
 )
 
 LOG_PERIOD_S = 10.0
-"""Shortest time between two log messages about refused, or about unpublished, messages [s]."""
+"""Shortest time between two log messages about message faults of the same kind [s]."""
 
 SHOWN_S = 10.0
 """Time for which diagnostics warn about a refused or unpublished message [s]."""

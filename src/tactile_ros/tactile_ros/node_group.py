@@ -39,7 +39,7 @@ PEERS_END_S = 0.4
 """Time for which the DDS participant is kept after its node was destroyed [s]; see `run_node`."""
 
 PARTICIPANT_ENDS_S = 5.0
-"""If the process has not ended this time [s] after that, it exits with a traceback."""
+"""Time [s] after `PEERS_END_S` within which the process must end, or it exits with a traceback."""
 
 SPIN_S = 2.0
 """Longest sleep of an executor [s], unless a callback or the end wakes it earlier."""

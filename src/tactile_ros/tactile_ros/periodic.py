@@ -17,7 +17,7 @@ import threading
 import time
 
 ROUNDING = 1e-6
-"""Allowance for rounding, as a fraction of a period: without it, a call could come twice."""
+"""Allowance for rounding, as a fraction of a period, so that no call is made twice."""
 
 
 class Periodic:

@@ -53,7 +53,7 @@ def keep_heap_small() -> None:
 
 @contextmanager
 def short_collections() -> Iterator[None]:
-    """Keep garbage collections short: in the block, they skip all objects that exist already.
+    """Keep garbage collections short within the block: they skip all objects that exist already.
 
     A full collection stops all threads, for 0.06 to 0.3 s in a process that has trained a model;
     a heartbeat may be 0.4 s late. Has no effect if objects are skipped already.

@@ -109,7 +109,7 @@ class StageNode(PollingNode):
                     call(self.stage, record)
                 except MessageError as error:
                     self.message_guard.refuse(topic, error)
-                except Exception as error:  # as in a callback of this node
+                except Exception as error:  # like an exception in a callback of this node
                     self._fail(error)
 
         return take

@@ -35,7 +35,7 @@ class StrainStatus(IntFlag):
 
 
 NOT_LIVE = int(StrainStatus.STUCK | StrainStatus.DEVICE_ERROR)
-"""Status bits of samples that contain no information about the tension."""
+"""Status bits of samples from which nothing about the present tension can be concluded."""
 
 NO_MEASUREMENT = int(NOT_LIVE | StrainStatus.SATURATED)
 """Status bits of samples whose value is not the tension. A saturated value is a lower bound."""

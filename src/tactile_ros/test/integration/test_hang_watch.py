@@ -122,7 +122,7 @@ def test_a_process_that_need_not_turn_is_left_alone_also_without_the_child(start
 
 
 def test_a_slice_that_took_long_counts_once(monkeypatch):
-    """If the child itself got no core for a long time, it waits for further slices."""
+    """If the child itself got no core for a long time, it still waits for the other slices."""
     slices, killed = [], []
     answers = [([0], [], [])]
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node with a heartbeat, for a separate process: ``beating_peer.py NAME``."""
+"""Program of a node that publishes a heartbeat: ``beating_peer.py NAME``."""
 
 import sys
 import time

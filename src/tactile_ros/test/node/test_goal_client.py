@@ -68,7 +68,7 @@ def losses(monkeypatch):
 
 @pytest.fixture
 def rig(context, spun):
-    """Return a function that runs a server with some work; it returns server and client."""
+    """Return a function that starts a server with some work and returns server and client."""
     clients = []
 
     def make(work=lambda goal: MoveGuide.Result(message='there')):
@@ -91,7 +91,7 @@ def end_of(goal):
 
 
 def until_ended(goal):
-    """Work until the goal must end."""
+    """Work of a goal that runs until it must end."""
     assert goal.wait(DEADLINE_S)
     goal.check()
 
@@ -191,7 +191,7 @@ def test_a_client_whose_executor_has_ended_looks_no_more_and_raises_nothing(cont
 
 @pytest.fixture
 def stop(rig, monkeypatch):
-    """Return the server, and a function that calls its service with some answers lost."""
+    """Return the server, and a function that calls its service while some answers are lost."""
     server, client = rig()
     node = client._node
     service = node.create_client(Trigger, 'server/stop')

@@ -78,7 +78,7 @@ class Client:
 
 @pytest.fixture
 def rig(context, spun):
-    """Return a function that runs a server with some work; it returns server and client."""
+    """Return a function that starts a server with some work and returns server and client."""
 
     def make(work):
         server, client = Server(work, context=context), Client(Node('client', context=context))
@@ -90,7 +90,7 @@ def rig(context, spun):
 
 @pytest.fixture
 def held_rig(rig):
-    """A server whose goal 0.1 ends as ``work`` says after ``release`` is set."""
+    """Return a server whose goal 0.1 waits for ``release`` and then ends as ``work`` specifies."""
 
     def make(work=lambda goal: MoveGuide.Result(message='first')):
         release = threading.Event()
@@ -207,7 +207,7 @@ def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, contex
                 handle = client.send()
                 wait_until(lambda server=server: server.runner.is_busy)
                 answer = send(node, handle.get_result_async)
-                # Answered after it was asked: by then the server has the request above.
+                # When this request is answered, the server has also received the request above.
                 assert client.result(client.send())[1].message.startswith(
                     'Another goal is running;'
                 )

@@ -21,7 +21,7 @@ from tactile_ros.health import Heartbeat, HeartbeatWatch
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0
-"""For a process to start on a busy computer."""
+"""Longest time [s] until a process has started on a busy computer."""
 
 PEER = Path(__file__).with_name('beating_peer.py')
 
@@ -137,13 +137,13 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
         peer.send_signal(signal.SIGCONT)
     else:
         start_peer()
-    # The killed one is in the graph for many seconds, and is not counted.
+    # The killed peer stays in the ROS graph for many seconds, but is not counted.
     wait_until(lambda: not (watch.find_loss() or late.find_loss()), timeout_s=START_S)
     if fault == signal.SIGKILL:
         assert node.count_publishers('/peer/heartbeat') == 2
     for each in (watch, late):
         each.close()
-        assert each.find_loss() is None  # the last state, for a thread that still asks
+        assert each.find_loss() is None  # a thread that still asks receives the last state
 
 
 def test_two_living_peers_of_one_name_are_named_and_one_killed_is_none(node, start_peer):

@@ -29,7 +29,7 @@ os._exit(0)
 
 
 def test_a_lifecycle_node_takes_little_memory():
-    """Its queues in Fast DDS would take a megabyte from the start."""
+    """By default, the queues of a node in Fast DDS take a megabyte from the start."""
     asked = {name: os.environ.get(name, '') for name in ('ROS_DISTRO', 'RMW_IMPLEMENTATION')}
     chosen = choose_transports({**asked, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, 'SUBNET')
     if PROFILES_OF.get(asked['ROS_DISTRO']) not in chosen:

@@ -100,7 +100,7 @@ def test_the_log_mentions_refused_messages_now_and_then(graph, capfd, monkeypatc
 
 
 def test_a_node_survives_messages_that_cannot_be_published(graph, capfd):
-    """Fast DDS fails now and then while a process that subscribes ends."""
+    """Fast DDS sometimes cannot publish while a process that subscribes to the topic ends."""
     listener, _, _, group = graph
     sent, failures = [], 3
 
@@ -150,7 +150,7 @@ def test_an_impossible_clock_does_not_end_a_node(context, spun):
         message = Clock()
         message.clock.sec, message.clock.nanosec = sec, nanosec
         clock.publish(message)
-        # Its queue holds one message: not each is taken, but some of either are.
+        # The queue holds one message, so some messages of each kind are taken, but not all.
         assert clock.wait_for_all_acked(Duration(seconds=DEADLINE_S))
     wait_until(lambda: listener.get_clock().now().nanoseconds == 5 * 10**9)
     assert not group.ended.is_set()

@@ -43,7 +43,7 @@ class Listener(PollingNode):
 
 @pytest.fixture
 def pair(context, spun):
-    """A peer's publisher of numbers and a node that polls them, once both have matched."""
+    """Return a publisher of numbers and a node that polls them, once the two have matched."""
 
     def make(take=None, profile=STREAM, poll_s=0.005, **options):
         peer, listener = Node('peer', context=context), Listener('listener', context=context)

@@ -62,7 +62,7 @@ sys.exit(code)
 """
 
 END_S = 60.0
-"""For a process to end on a busy computer."""
+"""Longest time [s] in which a process ends on a busy computer."""
 
 
 def start(*arguments):

@@ -47,7 +47,7 @@ def test_what_does_not_surely_read_the_profile_keeps_the_range(ros):
     [
         ({}, 'SUBNET', {TRANSPORTS: 'UDPv4'}),
         ({RANGE: 'SUBNET'}, 'LOCALHOST', {TRANSPORTS: 'UDPv4'}),
-        # What the user has chosen stays, and opens nothing.
+        # The choice of the user is kept, and no other transport is opened.
         *(({profile: 'x', **JAZZY}, 'LOCALHOST', {}) for profile in PROFILES),
         ({TRANSPORTS: 'LARGE_DATA'}, 'SUBNET', {}),
         ({TRANSPORTS: 'LARGE_DATA'}, 'LOCALHOST', {RANGE: 'LOCALHOST'}),
