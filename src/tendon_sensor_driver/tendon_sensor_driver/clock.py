@@ -120,7 +120,7 @@ class ClockSkewFilter:
             points = newest
             self._points.clear()
             self._points.extend(newest)
-        # Relative to the newest point, so that the precision of floats is sufficient.
+        # Times are relative to the newest point, so that the precision of floats is sufficient.
         origin_ns, base_ns = points[-1]
         relative = [((x - origin_ns) / 1e9, float(y - base_ns)) for x, y in points]
         if len(points) >= _FEWEST:
@@ -395,7 +395,8 @@ class DeviceClock(SampleClock):
     def __init__(self, tick_s: float, period_ns: int) -> None:
         super().__init__(period_ns)
         self._tick_s = tick_s
-        # A fraction (0.001 becomes 1/1000), so that the time stays exact over days.
+        # The tick is stored as a fraction (0.001 becomes 1/1000), so that the time stays exact
+        # over days.
         tick_ns = Fraction(tick_s).limit_denominator(10**9) * SECOND_NS
         self._numerator, self._denominator = tick_ns.numerator, tick_ns.denominator
         self._skew = ClockSkewFilter()

@@ -172,7 +172,7 @@ def format_restart(config: TendonSensorConfig) -> str:
     if config.sensor == 'line' and config.time_column < 0:
         return (
             'the link was lost and has been re-established; the device may have restarted, which '
-            'cannot be known of a device without a clock'
+            'cannot be detected because it sends no time'
         )
     return 'the device has restarted'
 

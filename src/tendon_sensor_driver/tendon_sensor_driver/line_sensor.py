@@ -361,7 +361,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
     One thread reads, decodes and calls ``on_block``. While ``on_block`` runs, arriving bytes
     wait, so that their times of arrival appear too late. If ``on_block`` runs for more than
     0.25 s, the waiting bytes are dropped, because the kernel may have dropped some bytes already.
-    Such an overrun is counted, and its samples are counted as lost.
+    The client counts each such overrun, and counts the dropped samples as lost.
 
     A silent board may be an OpenScale whose settings menu is open. The client therefore sends a
     carriage return, which makes the menu print its prompt and has no effect on a measuring

@@ -169,7 +169,8 @@ class NetFtLink:
             ticks=records['ft_sequence'].astype(np.uint32),
             wrench=wrench,
             status=classify_status(words, is_axia=self._is_axia),
-            # A datagram is sent as soon as it has its last record.
+            # A datagram is sent as soon as it contains its last record, so this record has the
+            # shortest delay.
             timed=len(datagrams[0]) // RECORD_BYTES - 1,
             records=records['rdt_sequence'].astype(np.uint32),
         )

@@ -157,7 +157,7 @@ class StampGrid:
         """Add the next stamp [ns]; return the number of periods since the last one, at least 1."""
         steps = max(1, round((stamp_ns - self._expected_ns) / self._period_ns))
         off_ns = stamp_ns - self._expected_ns - steps * self._period_ns
-        # The gains of a least-squares line through n samples; n grows up to _MEMORY.
+        # The gains are those of a least-squares line through n samples; n grows up to _MEMORY.
         n = self._fitted = min(self._fitted + 1, _MEMORY)
         gain = 2 * (2 * n - 1) / (n * (n + 1))
         self._expected_ns += round(steps * self._period_ns + gain * off_ns)
@@ -268,7 +268,7 @@ class StampClock(SampleClock):
         is_step, number = self._has_stamps, self.number
         self._has_stamps = False
         if number is not None and before is not None and not is_step:
-            # The numbers of two publishers interleave; a decrease is not a gap.
+            # If there are two publishers, their numbers interleave, so a decrease is not a gap.
             self._index += max(1, number - before)
         else:
             self._index += 1

@@ -13,12 +13,12 @@ import pytest
 
 from tendon_sensor_driver import encode_reading
 
-# The simulated Net F/T is next to the tests and not part of the package.
+# The simulated Net F/T is in the folder of the tests and not part of the package.
 sys.path.insert(0, str(Path(__file__).parent / 'peers'))
 
 
 class PtySensor:
-    """A pseudo-terminal in place of a load-cell board: the test writes, the client reads.
+    """A pseudo-terminal that replaces a load-cell board: the test writes, and the client reads.
 
     ``port`` is a symlink, so that the sensor can be plugged in again under the same name as
     another pseudo-terminal.

@@ -78,7 +78,7 @@ def test_a_net_ft_keeps_the_contract(rate_hz):
 
 
 class Counter(SensorClient):
-    """A sensor that counts; each test breaks one promise."""
+    """A sensor whose values count up; each test breaks one rule of the contract."""
 
     stamps = 1
     numbers = 1

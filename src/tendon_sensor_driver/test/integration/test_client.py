@@ -57,7 +57,7 @@ def test_readings_come_out_as_blocks(sensor, make_client, blocks):
         [i / 100 * 9.80665] for i in range(10)
     ]
     assert {block.status for block in blocks} == {StrainStatus.OK}
-    # 150 ms of device time are written together; the newest sample was taken now, not the first.
+    # Samples of 150 ms of device time are written together. The newest one was measured now.
     assert before_ns - 150_000_000 <= blocks[0].stamp_ns < time.time_ns()
     health = client.health()
     assert health.is_connected
@@ -140,7 +140,7 @@ def test_garbage_is_counted_and_told_but_never_a_sample(sensor, make_client, blo
 def test_ports_that_vanish_while_they_are_listed_keep_no_sensor_away(
     sensor, make_client, blocks, monkeypatch
 ):
-    """Pyserial raises a TypeError for a port that is unplugged while it is looked at."""
+    """Pyserial raises a TypeError if a port is unplugged while the ports are listed."""
     real, vanishing = module.list_ports.comports, []
 
     def comports():
@@ -215,7 +215,7 @@ def slow_client(make_client, blocks, monkeypatch):
 def test_what_comes_while_a_consumer_takes_too_long_is_dropped_and_told(
     sensor, slow_client, blocks
 ):
-    """The kernel may have dropped parts of it, so that pieces of two lines are joined."""
+    """The kernel may have dropped some of the bytes, so pieces of two lines may be joined."""
     client, gate = slow_client(0)
     sensor.write(b'\n' + encode_reading(0, 0.5))
     wait_until(lambda: blocks)
@@ -277,12 +277,12 @@ def test_a_board_that_has_spoken_or_is_to_be_left_alone_hears_nothing(
 
 @pytest.fixture
 def clock(monkeypatch):
-    """The host's monotonic time, which passes as a test says, and how far its clock is ahead."""
+    """Clocks of the host that a test controls: monotonic time, and offset of the host's clock."""
     clock = SimpleNamespace(passed_ns=0, ahead_ns=10**9 * SECOND_NS)
     clock.monotonic_ns = lambda: clock.passed_ns
     clock.now_ns = lambda: clock.passed_ns + clock.ahead_ns
     monkeypatch.setattr('tendon_sensor_driver.clock.time', clock)
-    # A busy computer must not be taken for a slow consumer, whose input is dropped.
+    # The limit is raised, so that a busy computer does not count as a slow consumer.
     monkeypatch.setattr('tendon_sensor_driver.line_sensor.LONGEST_DELIVERY_NS', 10**18)
     return clock
 

@@ -22,7 +22,7 @@ BOTH = pytest.mark.parametrize('way', [SLOW, FAST], ids=['single', 'buffered'])
 
 
 def ramp(times_s):
-    """A force whose value shows the tick at which it was measured."""
+    """Return a force whose value identifies the tick at which it was measured."""
     return np.rint(times_s * INTERNAL_HZ) * STEP_N
 
 
@@ -90,7 +90,7 @@ def rig(way, monkeypatch):
 
 
 def check_samples(rig, divisor, *, is_running=False):
-    """Each sample is one that the box measured, under its own number, and none comes twice."""
+    """Check that the box has measured each sample, that its number is right, and none is repeated."""
     expected = stamp_ns = 0
     first = None
     for block in rig.recorder.take():

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node in process, over real DDS."""
+"""Fixtures: the node in the process of the test, over real DDS."""
 
 from functools import partial
 
@@ -73,7 +73,7 @@ class Graph:
         return first
 
     def is_matched(self):
-        """True if both ends have matched; the graph's counts increase before that."""
+        """True if publishers and subscriptions have matched, which is later than in the graph."""
         topics = {f'/left/tendon_sensor/{topic}' for topic in ('strain', 'wrench')}
         writers = [p for p in self.node.publishers if p.topic_name in topics]
         readers = [s for s in self.listener.subscriptions if s.topic_name in topics]

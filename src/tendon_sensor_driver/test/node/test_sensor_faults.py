@@ -20,10 +20,10 @@ TARE = {'unit': 'N', 'rate_hz': RATE_HZ, 'tare_samples': 30, 'tare_spread_n': 1.
 
 
 class Board(threading.Thread):
-    """Sends a line every 8 ms, whose tension in newtons is its number, or a fault.
+    """Board that sends a line every 8 ms, or a fault. The tension [N] is the number of the line.
 
-    Its clock keeps running while this thread pauses: as with a real board, a late line has the
-    time at which it was due, and no sample seems to be lost.
+    The clock of the board continues while this thread pauses. As with a real board, a late line
+    contains the time at which it was due, so that no sample seems to be lost.
     """
 
     def __init__(self, sensor):
@@ -197,7 +197,7 @@ def test_a_clock_that_is_set_leaves_the_tare(make_graph, sensor, board):
     for steps, offset_s in enumerate((5, 0), 1):  # noqa: B007 - two functions read it
         graph.spin_until(lambda: count_steps() == steps)  # noqa: B023 - called at once
         graph.await_more(30)
-        # Lines that were late when the clock was set shift the stamps forward for a while.
+        # Lines that were late when the clock was set make the stamps too late for some time.
         graph.spin_until(lambda: -0.1 < behind_s() < 4.0)
     graph.await_health(DiagnosticStatus.OK)
     assert not any(m.status & StrainStatus.RESTARTED for m in graph.strain)

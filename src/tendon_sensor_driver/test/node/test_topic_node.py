@@ -79,7 +79,7 @@ def topic_graph(make_graph):
 
 
 def meet(graph, source):
-    """Wait until both ends have matched: a best-effort publisher does not send again."""
+    """Wait until both ends have matched, because a best-effort publisher repeats nothing."""
     graph.spin_until(lambda: source.force.get_subscription_count() == 1)
     graph.spin_until(lambda: 'True' in graph.values().get('is_connected', ''))
     subscription = graph.node.stage._client._subscription
@@ -87,7 +87,7 @@ def meet(graph, source):
 
 
 def send_all(graph, source, samples):
-    """Publish (stamp, value) pairs as fast as they are taken."""
+    """Publish (stamp, value) pairs as fast as the node takes them."""
     for i, (stamp_ns, value) in enumerate(samples):
         source.send(value, stamp_ns)
         if i % 20 == 19:  # the queues hold more
@@ -131,7 +131,7 @@ def test_each_type_becomes_tension_from_publishers_of_either_reliability(
             assert stamp_of(message) == now_ns + i * SECOND_NS // 60
             assert message.stamp_error_s >= 0
         else:
-            # The time of a virtual machine is set by a millisecond now and then.
+            # On a virtual machine, the clock may be set by a millisecond from time to time.
             assert -SECOND_NS // 100 < stamp_of(message) - now_ns < 10 * SECOND_NS
             assert message.stamp_error_s == -1.0
     assert graph.diagnostics[-1].status[0].hardware_id == '/force'
@@ -158,7 +158,7 @@ def test_what_is_lost_late_or_twice_is_seen_and_a_pause_of_the_thread_costs_noth
     send_all(graph, source, [(start_ns + i * SECOND_NS // 250, float(i)) for i in order])
     graph.spin_until(lambda: 99 in to_samples(graph.strain))
     placed = sorted({*order} - {34})
-    # Sample 34 is missing where it arrived, after sample 59.
+    # Sample 34 arrived after sample 59, so it counts as missing in its place and is dropped.
     assert to_samples(graph.strain) == {i - (33 < i < 60): float(i) for i in placed[:-1]}
     names = ('duplicates', 'late_samples', 'lost_samples')
     graph.spin_until(lambda: [graph.values()[name] for name in names] == ['1', '1', '4'])
@@ -170,7 +170,7 @@ def test_a_publisher_that_stamps_when_it_sends_has_irregular_stamps(topic_graph,
     meet(graph, source)
     period_ns = SECOND_NS // 250
     start_ns = time.time_ns() - SECOND_NS
-    # Every 40th message is 1.6 periods late, and the next one 0.7.
+    # Every 40th message is 1.6 periods late, and the message after it 0.7 periods.
     late = {20: 1.6, 21: 0.7}
     stamps_ns = [start_ns + round((i + late.get(i % 40, 0.0)) * period_ns) for i in range(240)]
     send_all(graph, source, [(stamp_ns, float(i)) for i, stamp_ns in enumerate(stamps_ns)])
@@ -219,7 +219,7 @@ def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, m
     source.destroy_publisher(source.force)
     heard = len(graph.strain)
     graph.await_health(DiagnosticStatus.ERROR, '/force')
-    # It may come back with another type.
+    # The publisher may start again with another type.
     other = make_source(Float64, name='other')
     meet(graph, other)
     other.send(7.0)
@@ -257,7 +257,7 @@ def test_a_quality_of_service_that_does_not_fit_is_told(topic_graph, make_source
         **{'qos_overrides./force.subscription.reliability': 'reliable'},
     )
     graph.await_health(DiagnosticStatus.ERROR, 'qos_overrides')
-    # The name of the node may be found later than its publisher.
+    # ROS may find the publisher before the name of its node.
     graph.spin_until(lambda: '/broadcaster' in graph.sentence())
 
 

@@ -95,7 +95,7 @@ def test_joint_states_without_the_effort_say_what_is_missing(names, efforts, joi
 
 @pytest.mark.parametrize('axis', ['x', 'FX', 'force.x'])
 def test_an_unknown_axis_is_refused_with_the_known_ones(axis):
-    # TOPIC:NAME configures a joint when NAME is no axis.
+    # In TOPIC:NAME, a NAME that is not an axis is the name of a joint.
     stamped = SimpleNamespace(header=header(3, 5), wrench=None)
     with pytest.raises(ReadingError, match='its axes are fx, fy, fz, tx, ty, tz, norm'):
         READERS[WRENCH](stamped, configure(joint=axis))

@@ -3,7 +3,7 @@
 
 """A simulated ATI Net F/T on the loopback: records over UDP, settings over HTTP, faults.
 
-How a real box behaves beyond the documented protocol is not known.
+The behaviour of a real box beyond the documented protocol is not known.
 """
 
 import contextlib
@@ -45,8 +45,8 @@ class NetFtBox:
     """Answers and packets of a Net F/T, without sockets and clock.
 
     ``force`` is the axial force [N]: a function of the times since power-up [s], or samples at
-    7000 Hz that are repeated. Settings fall back to stored ones at a restart; the low pass is
-    remembered, not computed. ``noise_counts`` is the standard deviation of every component.
+    7000 Hz that are repeated. At a restart, settings return to the stored values. The low pass is
+    stored but not applied. ``noise_counts`` is the standard deviation of every component.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class NetFtBox:
         self._delayed = []  # datagrams on their way through a slow network
 
     def fault(self, kind, now_s, duration_s=np.inf, fraction=0.1):
-        """Begin a fault; without a duration it lasts until `heal`.
+        """Begin a fault. If no duration is given, the fault lasts until `heal` is called.
 
         Kinds: burst, mute, restart, saturate, stale, status, stuck, unplug; and drop, duplicate,
         reorder and garbage, with the fraction of the datagrams.
@@ -107,7 +107,7 @@ class NetFtBox:
         return self.has('unplug', now_s) or self.has('restart', now_s)
 
     def answer(self, path):
-        """Return the page, or None where there is none; a query changes settings."""
+        """Return a page, or None if it does not exist; a query changes settings."""
         parts = urlsplit(path)
         if parts.path == CONFIGURATION_PAGE:
             return self._describe()
@@ -138,7 +138,7 @@ class NetFtBox:
         return INTERNAL_RATE_HZ // self.settings['comrdtrate']
 
     def command(self, command, now_s):
-        """Take a request."""
+        """Execute an RDT request."""
         if self.is_away(now_s) or not self.settings['comrdte']:
             return
         self._stop()
@@ -155,7 +155,7 @@ class NetFtBox:
         return max(0, int((now_s - self._begun_s) * INTERNAL_RATE_HZ))
 
     def poll(self, now_s):
-        """Return the datagrams that are due."""
+        """Return the datagrams that must be sent now."""
         if self._command is Command.STOP or self.is_away(now_s):
             return []
         divisor = self._divisor
@@ -236,8 +236,8 @@ def _repeat(samples_n):
 class NetFtDevice:
     """Runs a box with the host's clock, and serves the client that requested a stream last.
 
-    Real-time records leave within about a millisecond of being due. While the device runs, the
-    box belongs to its threads. ``failure`` is what ended one of them.
+    Real-time records are sent at most about a millisecond late. While the device runs, only its
+    threads use the box. ``failure`` is the exception that ended one of the threads.
     """
 
     def __init__(self, box):
@@ -284,12 +284,12 @@ class NetFtDevice:
             self._box.heal()
 
     def read_settings(self):
-        """Return the settings that the box has now, by their names on its web pages."""
+        """Return the present settings of the box; the keys are the names on its web pages."""
         with self._lock:
             return dict(self._box.settings)
 
     def answer(self, path):
-        """Return HTTP status and page, or None when the box is away."""
+        """Return HTTP status and page, or None if the box does not answer."""
         with self._lock:
             if self._box.is_away(self.now_s):
                 return None

@@ -24,7 +24,7 @@ def configure(**changes):
 
 
 def batch_of(ticks, *, records=None, status=0, first=0, delay_s=0.0, values=None, scale=1.0):
-    """Samples of a counter that started at ``first``; each value is its own tick."""
+    """Return samples of a counter that started at ``first``; each value is the sample's tick."""
     ticks = np.asarray(ticks, dtype=np.int64)
     wrench = np.zeros((len(ticks), 6))
     wrench[:, 2] = ticks if values is None else values
@@ -60,7 +60,7 @@ def begin_again(stream):
 
 
 def check(blocks, ticks):
-    """Just these ticks came out, each under the number that its tick gives it."""
+    """Check that the blocks contain exactly these ticks, each with the number of its tick."""
     values = np.concatenate([block.tension_n for block in blocks])
     np.testing.assert_array_equal(values, ticks)
     expected = end_ns = 0

@@ -39,12 +39,12 @@ class Model:
         return (self.first_ticks + device_ns // MS_NS) % WRAP
 
     def true_stamp(self, elapsed_ns):
-        """Time of the sample plus the constant delay, which no clock can see."""
+        """Return the time of a sample plus the constant delay, which cannot be measured."""
         return EPOCH_NS + elapsed_ns + self.delay_ns
 
 
 def run(model, seconds, extra_delay_ns=lambda elapsed_ns: 0, clock=None):
-    """Return (elapsed, ticks, Instant) of every sample; arrivals never overtake."""
+    """Return (elapsed, ticks, Instant) of every sample; samples arrive in their order."""
     clock = clock or DeviceClock(0.001, PERIOD_NS)
     arrived_ns = 0
     rows = []
@@ -109,7 +109,7 @@ def test_jitter_and_drift_stay_within_the_stated_error(drift_ppm):
     model = Model(drift_ppm)
     rows = run(model, 120, jitter(drift_ppm, 8 * MS_NS))
     check(model, rows)
-    # One tick, 100 ppm of ten seconds, and what jitter leaves of the envelope.
+    # The bound is the sum of one tick, 100 ppm of ten seconds, and the effect of the jitter.
     assert max(instant.stamp_error_s for _, _, instant in rows[1200:]) < 0.005
 
 
@@ -124,7 +124,7 @@ def test_bursts_do_not_move_the_stamps(drift_ppm):
     model = Model(drift_ppm)
     rows = run(model, 120, burst)
     check(model, rows)
-    # One tick, and 100 ppm of the 13 s that hold ten seconds with arrivals.
+    # The bound is one tick plus 100 ppm of 13 s, in which samples arrive during ten seconds.
     for elapsed_ns, _, instant in rows:
         assert abs(instant.stamp_ns - model.true_stamp(elapsed_ns)) <= 2.4 * MS_NS
 
@@ -172,7 +172,7 @@ def test_a_drift_that_changes_is_followed_within_the_bursts():
 
 
 def test_ticks_of_a_millisecond_add_a_millisecond_at_most():
-    """Ticks and bursts both on a grid of 1 ms: how the two lie cannot be seen from here."""
+    """Ticks and bursts both lie on a grid of 1 ms; their relative phase cannot be measured."""
     rows = run_bursts(lambda _: 100, tick_ns=MS_NS)
     errors_ns = sorted(abs(error_ns) for t_s, error_ns, _ in rows if t_s > 10)
     assert errors_ns[len(errors_ns) * 9 // 10] < MS_NS
@@ -228,7 +228,7 @@ def test_one_broken_time_changes_nothing(ticks):
         elapsed_ns += PERIOD_NS
         line = model.ticks(elapsed_ns), model.true_stamp(elapsed_ns)
         assert clock.place(*line) == undisturbed.place(*line)
-    # Nor do two that would follow each other, with a good one between.
+    # The same holds for two consistent outliers with a valid sample between them.
     assert clock.place(ticks + 67, model.true_stamp(elapsed_ns)) is None
     assert clock.outliers == 2
 
@@ -250,7 +250,7 @@ def test_after_a_reconnection_the_first_line_tells_whether_the_device_ran_on():
         instant = clock.place(ticks, EPOCH_NS + 40 * SECOND_NS + 12 * MS_NS)
         assert instant.is_restart is is_restart
         assert clock.outliers == clock.late_samples == 0
-        # A burst some time later is no restart.
+        # A burst some time later does not count as a restart.
         later = clock.place(ticks + 17, EPOCH_NS + 43 * SECOND_NS)
         assert not later.is_restart
 
@@ -280,7 +280,7 @@ def test_a_host_clock_set_back_never_takes_the_stamps_back():
     assert len(placed) == len(instants) - 1
     assert all(b.stamp_ns > a.stamp_ns for a, b in pairwise([before, *placed]))
     assert sum(instant.is_restart for instant in placed) == 1
-    # The stated error contains the rest: 30 s minus 1/20 of the time since.
+    # The stated error contains the remaining difference: 30 s minus 1/20 of the elapsed time.
     ahead_ns = placed[-1].stamp_ns - (EPOCH_NS + 30 * SECOND_NS)
     assert ahead_ns > 27 * SECOND_NS
     assert placed[-1].stamp_error_s > ahead_ns / 1e9

@@ -76,7 +76,7 @@ def test_any_separator_and_further_columns(line):
 )
 def test_the_forms_that_are_seen_on_load_cells(line, options, reading):
     decoder, readings = decode((line + b'\r\n') * 3, TendonSensorConfig(**options))
-    # Words before the value must be seen twice before they are believed.
+    # New words before the value are accepted only if the next line has them, too.
     assert readings in ([reading] * 3, [reading] * 2)
     assert decoder.rejected_lines == 3 - len(readings)
 
@@ -105,7 +105,7 @@ def test_scale_indicators_with_words_that_alternate_are_read(lines, options, is_
         ]
     stream = b''.join(line + b'\r\n' for _ in range(30) for line in lines)
     decoder, readings = decode(stream, TendonSensorConfig(**options))
-    # Words before the value must be seen twice before they are believed.
+    # New words before the value are accepted only if the next line has them, too.
     assert decoder.rejected_lines <= 1, decoder.last_reason
     assert {value for _, value in readings} == {-12.34 if is_negative else 12.34}
 
@@ -388,7 +388,8 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
             text = re.sub('([+-]) +', r'\1', line.decode('latin-1'))
             if mark == ',':
                 text = text.replace(',', '.')
-            # The digits are contiguous, and no digit is directly before or after them.
+            # The digits of the value are contiguous in the line, with no digit directly before or
+            # after.
             numbers = re.findall(r'(?<![\d.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?', text)
             assert abs(reading.value) in [abs(float(number)) for number in numbers]
             if len(numbers) == 1:
@@ -406,7 +407,7 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
 @example(12, 34, ',', ',kg', True)
 @example(1, 234, ' ', ' kg', False)
 def test_a_number_that_is_divided_is_never_read(head, tail, mark, end, has_time):
-    """Whether the mark is a decimal comma or between thousands."""
+    """The mark may be a decimal comma or a thousands separator."""
     config = CONFIG if has_time else TendonSensorConfig(**NO_TIME)
     time = '1204,' if has_time else ''
     for sign in ('', '-', '+'):

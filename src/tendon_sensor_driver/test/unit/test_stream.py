@@ -46,7 +46,8 @@ def test_newtons_are_right_to_one_rounding_a_step(unit, value, scale, offset_n):
     (block,) = stream.add_reading(LineReading(0, value, 0))
     product = Fraction(value) * Fraction(scale) * EXACT_NEWTONS[unit]
     exact = product + Fraction(offset_n)
-    # The unit's factor, its product with scale, the product with value, and the sum.
+    # There are four roundings: the factor of the unit, its product with scale, the product with
+    # the value, and the sum.
     bound = (abs(product) * 3 + (abs(exact) if offset_n else 0)) * Fraction(2) ** -53
     assert abs(Fraction(float(block.tension_n[0])) - exact) <= max(bound, Fraction(5e-324))
 
@@ -154,7 +155,7 @@ def at(ms, *, error_s=0.001):
 
 
 class StatedClock(SampleClock):
-    """Places samples at instants that a test states."""
+    """Clock that returns the instants that a test states."""
 
     def place(self, ticks, received_at_ns):
         return self.instant
@@ -230,7 +231,7 @@ def test_a_full_block_leaves_at_once():
     (block,) = add(stream, at(33), 2.0)
     assert block.tension_n.dtype == np.float64
     assert block.stamp_ns == 10**18
-    # One millisecond is the clock's own error, 2/3 ms that 16 ms is no whole period.
+    # One millisecond is the error of the clock; 2/3 ms is the difference of 16 ms to a period.
     assert block.stamp_error_s == pytest.approx(0.001 + 0.000666667)
 
 

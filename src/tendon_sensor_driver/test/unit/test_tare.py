@@ -27,7 +27,7 @@ def make_block(tension_n, first=0, status=StrainStatus.OK, wrench=None):
 
 
 def feed(tare, tension_n, **options):
-    """Seven samples a block, the last one at NOW_NS."""
+    """Add blocks of seven samples; the last sample is at NOW_NS."""
     start = 100 - len(tension_n)
     for i in range(0, len(tension_n), 7):
         tare.apply(make_block(tension_n[i : i + 7], start + i, **options))

@@ -87,7 +87,8 @@ def test_a_clock_of_the_publisher_that_is_set_is_followed_after_one_sample(step_
         START_NS + i * PERIOD_NS + step_ns for i in range(3001, 3100)
     ]
     assert count_lost(instants) == [0] * 98
-    # As far as the publisher's clock is now from ours, so far may the stamps be wrong.
+    # The error of the stamps may be as large as the difference between the publisher's clock and
+    # the host's clock.
     assert instants[-1].stamp_error_s == pytest.approx(abs(step_s), abs=0.001)
 
 
@@ -145,14 +146,14 @@ def test_a_publisher_that_stamps_late_has_irregular_stamps_and_loses_nothing(has
         instants.append(clock.place(stamp_ns, stamp_ns + 300_000))
     assert None not in instants
     assert clock.irregular_stamps >= len(late_at)
-    # Without numbers it cannot be known that none is missing.
+    # If messages have no numbers, it is unknown whether one is missing.
     assert (sum(count_lost(instants)) == 0) == has_numbers
 
 
 def test_numbers_tell_lost_messages_and_pauses_from_irregular_stamps():
     clock = StampClock(PERIOD_NS)
     instants = []
-    # Number 50 is lost on the way; the publisher pauses for 5 periods after number 80.
+    # Message 50 is lost; the publisher pauses for 5 periods after message 80.
     for number in (*range(50), *range(51, 100)):
         clock.number = number
         stamp_ns = START_NS + (number + 5 * (number > 80)) * PERIOD_NS
@@ -178,7 +179,7 @@ def test_without_stamps_arrivals_are_the_time_and_numbers_tell_the_gaps():
     clock.note_reconnection()
     clock.number = 100
     again = clock.place(None, START_NS + 10)
-    # A stamp in between breaks the time but not the numbering.
+    # A message with a stamp in between interrupts the times but not the numbers.
     stamped = clock.place(START_NS + 20, START_NS + 20)
     clock.number = 200
     arrived = clock.place(None, START_NS + 30)
@@ -248,7 +249,7 @@ def test_the_measured_rate_is_that_of_the_samples_whatever_is_lost(rate_hz, jitt
 def test_arrivals_in_bursts_are_counted():
     times_ns = [START_NS + (i // 20) * 20_000_000 for i in range(2001)]
     assert measure_rate_hz(times_ns, is_regular=False) == pytest.approx(1000.0)
-    # Stamped in bursts, too, by a publisher that catches up.
+    # The same for stamps in bursts, of a publisher that catches up after a pause.
     times_ns = [START_NS + (i // 20) * 20_000_000 + (i % 20) * 100_000 for i in range(2001)]
     assert measure_rate_hz(times_ns, is_regular=True) == pytest.approx(1000.0)
     assert measure_rate_hz([5, 5, 5], is_regular=True) == 0.0
