@@ -18,6 +18,6 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    description='Base classes and helpers of all nodes: lifecycle, parameters, goals, diagnostics, signals.',
+    description='Base classes and helpers that all nodes share.',
     license='Apache-2.0',
 )

@@ -90,7 +90,7 @@ def rig(way, monkeypatch):
 
 
 def check_samples(rig, divisor, *, is_running=False):
-    """Check that the box has measured each sample, that its number is right, and none is repeated."""
+    """Check that the box measured each sample, that numbers are right, and none is repeated."""
     expected = stamp_ns = 0
     first = None
     for block in rig.recorder.take():

@@ -96,7 +96,7 @@ def test_any_loss_duplication_order_and_cutting_gives_true_samples_once(
         part = np.concatenate((part, twice))
         if batches:
             generator.shuffle(part)
-        else:  # the very first record is where the counting begins
+        else:  # numbers are counted from the first record
             part = np.concatenate((part[:1], generator.permutation(part[1:])))
         batches.append(batch_of(part, first=first))
     blocks = run(stream, batches)

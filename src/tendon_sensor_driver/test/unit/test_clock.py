@@ -27,7 +27,7 @@ WRAP = 2**32
 
 
 class Model:
-    """A device whose millisecond counter runs ``drift_ppm`` fast against the host."""
+    """A device whose millisecond counter is faster than the host's clock by ``drift_ppm``."""
 
     def __init__(self, drift_ppm=0, first_ticks=5000, delay_ns=2 * MS_NS):
         self.drift_ppm = drift_ppm
