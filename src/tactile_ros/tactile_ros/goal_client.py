@@ -163,9 +163,7 @@ class SentGoal:
             return
         reply = future.result()
         if reply.status == GoalStatus.STATUS_UNKNOWN:
-            self._client.ros.cancel_async(
-                self.goal_id
-            )  # another server may run the goal
+            self._client.ros.cancel_async(self.goal_id)  # another server may run the goal
             self.lose(
                 'the action server does not know the goal; check whether its node was restarted'
             )

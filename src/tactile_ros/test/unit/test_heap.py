@@ -40,7 +40,7 @@ met.wait()
 
 
 def measure(*arguments, **variables):
-    """Return the number of mapped blocks after a large one was freed, and if there are many heaps."""
+    """Return the number of blocks mapped after a large one was freed, and if heaps are many."""
     done = subprocess.run(
         [sys.executable, '-c', PROGRAM, *arguments],
         env={**os.environ, **variables},
