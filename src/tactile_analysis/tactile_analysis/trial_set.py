@@ -31,14 +31,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tactile_analysis.sources.files import (
-    find_leaves,
-    ImportNotes,
-    SourceError,
-    SourceFile,
-    SourceKind,
-    SourceOptions,
-)
+from tactile_analysis.options import SourceError, SourceOptions
+from tactile_analysis.sources.files import find_leaves, ImportNotes, SourceFile, SourceKind
 from tactile_analysis.sources.raw_trials import (
     arrays_from_trials,
     find_fault,

@@ -8,9 +8,11 @@ import dataclasses
 import functools
 import inspect
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any, get_args, Optional
 
 import typer
+
+from tactile_analysis.options import SKIP_BAD, SourceOptions, TrialOptions
 
 
 def expand(command: Callable[..., None]) -> Callable[..., None]:
@@ -25,7 +27,11 @@ def expand(command: Callable[..., None]) -> Callable[..., None]:
         if dataclasses.is_dataclass(parameter.default):
             groups[parameter.name] = parameter.default
             shown += [
-                parameter.replace(name=field.name, default=field.default, annotation=field.type)
+                parameter.replace(
+                    name=field.name,
+                    default=field.default,
+                    annotation=_to_option(type(parameter.default), field),
+                )
                 for field in dataclasses.fields(parameter.default)
             ]
         else:
@@ -41,6 +47,19 @@ def expand(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
     return run
+
+
+def _to_option(group: type, field: dataclasses.Field[Any]) -> Any:
+    """Return the annotation of a field for Typer; a description and limits become an option."""
+    kind, described, *limits = get_args(field.type)
+    if not isinstance(described, str):
+        return field.type
+    names = [f'--{field.name.replace("_", "-")}'] if kind is bool else []
+    panel = getattr(group, 'TITLE', None)
+    option = typer.Option(
+        *names, help=described, rich_help_panel=panel, **(limits[0] if limits else {})
+    )
+    return Annotated[kind, option]
 
 
 def split(text: Optional[str]) -> tuple[str, ...]:
@@ -91,58 +110,10 @@ TaskOption = Annotated[
         help='Kind of trial, which determines the features. Bags with trial events state it.',
     ),
 ]
-SkipBadOption = Annotated[
-    bool,
-    typer.Option(
-        '--skip-bad',
-        help='Skip unusable trials of the archive, and list them. A trial is unusable if a value '
-        'is not finite, if it is too short, or if it has no features.',
-    ),
-]
+SkipBadOption = Annotated[bool, typer.Option('--skip-bad', help=SKIP_BAD)]
 
 
-@dataclasses.dataclass(frozen=True)
-class ArchiveOptions:
-    """Options on the trials of an archive, which are fields of `Reading`."""
-
-    channel: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Channel of the recordings: its name, its number from 0, "mean" (of all '
-            'channels) or "all". Default: the first channel.'
-        ),
-    ] = None
-    where: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Use only trials for which a column of the archive is true (--where balanced) or '
-            'has a value (--where direction=1).'
-        ),
-    ] = None
-    crop: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Part of each trial of an archive to use, in seconds, as in --crop 1:5. '
-            'Default: the whole trial.',
-        ),
-    ] = None
-    resample_hz: Annotated[
-        Optional[float],
-        typer.Option(
-            help='Resample the archive to this rate first, with an anti-aliasing low-pass filter.'
-        ),
-    ] = None
-    skip_bad: SkipBadOption = False
-    speed_column: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Column of the archive with the sliding speeds, for --over; its name ends in '
-            'the unit, _mm_s or _m_s. Bags state the speeds themselves.'
-        ),
-    ] = None
-
-
-ARCHIVES = ArchiveOptions()
+SOURCES, TRIALS = SourceOptions(), TrialOptions()
 OverOption = Annotated[
     Optional[str],
     typer.Option(
@@ -170,114 +141,6 @@ RepetitionsOption = Annotated[
 ]
 
 
-def _of_others(*names: str, **more: Any) -> Any:
-    """Return an option in the help panel on recordings of other software."""
-    return typer.Option(*names, rich_help_panel='Recordings of other software', **more)
-
-
-@dataclasses.dataclass(frozen=True)
-class Statements:
-    """Options on recordings of other software, which are the fields of `SourceOptions`."""
-
-    force_column: Annotated[
-        str,
-        _of_others(
-            help='Column of the force in a table; several columns, separated by commas, for '
-            'several channels. Default: the column force or tension, with or without a unit, as '
-            'in force_mN.'
-        ),
-    ] = ''
-    time_column: Annotated[
-        str, _of_others(help='Column of the times. Default: t, time, timestamp or stamp.')
-    ] = ''
-    trial_column: Annotated[
-        str,
-        _of_others(
-            help='Column with the trial of each row. Default: trial or trial_id. If there is no '
-            'such column, a file is one trial.'
-        ),
-    ] = ''
-    label_column: Annotated[
-        str, _of_others(help='Column of the labels. Default: label, object or object_label.')
-    ] = ''
-    time_unit: Annotated[
-        str,
-        _of_others(
-            help='Unit of the times if their heading does not state it: s, ms, us, ns or min; '
-            'iso for texts such as 2026-11-28 12:00:00.5, day-first for 28.11.2026 12:00:00.5.'
-        ),
-    ] = ''
-    rate_hz: Annotated[
-        Optional[float],
-        _of_others(
-            min=0.001,
-            max=1e7,
-            help='Sample rate in Hz of recordings without times. If there are times, it must '
-            'match them.',
-        ),
-    ] = None
-    unit: Annotated[
-        str,
-        _of_others(
-            help='Unit of the force if no heading states it, as in --unit mN. Forces are '
-            'converted to N.'
-        ),
-    ] = ''
-    label: Annotated[str, _of_others(help='The label of all these trials.')] = ''
-    label_from: Annotated[
-        str,
-        _of_others(
-            help='Source of the label of a file or bag: "folder", the name of its folder; "file", '
-            'its name without the number at the end; or a regular expression for its path with '
-            'the label in parentheses. Named groups become columns.'
-        ),
-    ] = ''
-    labels: Annotated[
-        Optional[Path],
-        _of_others(
-            help='File with one label per trial, for a .npy file: .npy, .txt or .csv. Default: '
-            'NAME_labels or labels beside it.'
-        ),
-    ] = None
-    topic: Annotated[
-        str,
-        _of_others(
-            help='Topic in a bag that contains the force: WrenchStamped, Float64, Float32, '
-            'JointState, or our strain. Each bag is one trial.'
-        ),
-    ] = ''
-    field: Annotated[
-        str,
-        _of_others(
-            help='Field of the messages, as in --field force.z, force.norm or effort.JOINT; '
-            'several, separated by commas, for several channels.'
-        ),
-    ] = ''
-    separator: Annotated[
-        str,
-        _of_others(
-            help='Separator of the columns of a text table: comma, semicolon, tab, space, '
-            'or the character. Default: comma; in .tsv a tab.'
-        ),
-    ] = ''
-    decimal: Annotated[
-        str,
-        _of_others(
-            help='Decimal mark of a text table, . or , as in --decimal , . Default: a point.'
-        ),
-    ] = ''
-    header_rows: Annotated[
-        Optional[int],
-        _of_others(
-            min=0,
-            max=1000,
-            help='Number of header lines of a text table. The last one names the columns. '
-            'Default: 1.',
-        ),
-    ] = None
-
-
-STATEMENTS = Statements()
 ClusterOption = Annotated[
     str,
     typer.Option(

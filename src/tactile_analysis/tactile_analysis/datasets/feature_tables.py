@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_analysis.datasets.reading import parse_span, Reading
-from tactile_analysis.sources.files import SourceOptions
+from tactile_analysis.options import SourceOptions
 from tactile_analysis.trial_set import select_trials, TrialSet
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.archive import LabelledTrials, Skipped

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_analysis.options import TrialOptions
 from tactile_analysis.trial_set import Columns, select_trials
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -26,22 +27,16 @@ Trials = TypeVar('Trials', LabelledTrials, FeatureTable)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading:
+class Reading(TrialOptions):
     """Selection of trials and features of a recording, from the options of a command.
 
-    The fields equal these options: see `tactile_lab.options` and ``tactile evaluate --help``.
+    The fields are options of the commands: see ``tactile evaluate --help``.
     ``window_s`` is the length of early windows [s], or None for full windows.
 
     Raises `TactileError` if only one of ``train_where`` and ``test_where`` is given.
     """
 
     task: str | None = None
-    channel: str | None = None
-    where: str | None = None
-    crop: str | None = None
-    resample_hz: float | None = None
-    skip_bad: bool = False
-    speed_column: str | None = None
     over: str | None = None
     detrend: str | None = None
     features: str | None = None
@@ -60,16 +55,16 @@ class Reading:
         """
         if self.detrend is not None and self.over is not None:
             raise TactileError('--detrend and --over exclude each other: omit one of them')
-        fields = parse_over(self.over)
+        chosen = parse_over(self.over)
         if self.detrend is not None:
-            fields['spectrum_detrend'] = self.detrend
+            chosen['spectrum_detrend'] = self.detrend
         for name in list_sets(self.features):
             found = find_feature_set(name)
             assert found is not None
             if self.over is not None and found.phase == PHASE_GLIDE and not found.needs_speed:
                 raise TactileError(f'--over needs a feature set over distance, not {name}')
-            fields[CHOOSER[found.phase]] = name
-        return fields
+            chosen[CHOOSER[found.phase]] = name
+        return chosen
 
     def early_fields(self, rate_hz: float) -> dict[str, Any]:
         """Return the fields of `FeatureConfig` from ``window_s``; empty for full windows."""
@@ -83,9 +78,9 @@ class Reading:
 
         They are not allowed for bags with trial events.
         """
-        for name in ('channel', 'where', 'crop', 'resample_hz', 'skip_bad', 'speed_column'):
-            if getattr(self, name):
-                option = name.replace('_', '-')
+        for each in fields(TrialOptions):
+            if getattr(self, each.name):
+                option = each.name.replace('_', '-')
                 raise TactileError(
                     f'--{option} is for archives; the trials of a bag are defined by its events'
                 )
@@ -139,17 +134,17 @@ def parse_over(text: str | None) -> dict[str, Any]:
     length, _, finest = text.partition(':')
     try:
         window = SpatialWindow(float(length) / 1e3, float(finest) / 1e3)
-        fields: dict[str, Any] = {
+        chosen: dict[str, Any] = {
             'texture_features': SET_TEXTURE_SPATIAL,
             'spatial_length_m': window.length_m,
             'spatial_finest_m': window.finest_m,
         }
-        FeatureConfig(**fields)
+        FeatureConfig(**chosen)
     except FeatureError as error:
         raise TactileError(f'--over: {error}') from error
     except ValueError as error:
         raise TactileError(f'--over: "{text}" is not LENGTH:FINEST in mm (45:0.5)') from error
-    return fields
+    return chosen
 
 
 def select_features(table: FeatureTable, names: str | None) -> FeatureTable:

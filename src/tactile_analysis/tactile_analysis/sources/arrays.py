@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_analysis.options import SourceError, SourceOptions
 from tactile_analysis.sources.files import (
     decode_text,
     ImportNotes,
     LAYOUT,
     name_labels,
-    SourceError,
     SourceFile,
-    SourceOptions,
 )
 from tactile_analysis.sources.raw_trials import RawTrial
 from tactile_classifier.datasets.archive import MAX_ARCHIVE_BYTES

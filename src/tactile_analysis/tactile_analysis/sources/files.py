@@ -11,9 +11,9 @@ from enum import Enum
 from pathlib import Path
 import re
 
+from tactile_analysis.options import SourceError, SourceOptions
 from tactile_bags.experiment_journal import BAGS, is_experiment
 from tactile_features.model_container import is_model_file
-from tactile_ros.errors import TactileError
 
 LAYOUT = """recordings can be, all with their sample rate or with times:
   R1/01.csv, R1/02.csv, C1/01.csv ...   one file per trial, in folders named like the label
@@ -22,74 +22,6 @@ LAYOUT = """recordings can be, all with their sample rate or with times:
   R1/bag_1, C1/bag_2 ...                one bag per trial, with --topic and --field
   bags of this package                  with strain and trial events
   recordings.txt                        a list with one of these paths per line"""
-
-
-class SourceError(TactileError):
-    """A recording cannot be read as labelled trials; the message has the remedy."""
-
-
-@dataclass(frozen=True)
-class SourceOptions:
-    """Statements about recordings; each is empty or None if it is not stated.
-
-    Attributes
-    ----------
-    force_column, time_column, trial_column, label_column : str
-        Names of columns of a table. Several channels of force are separated by commas.
-    time_unit : str
-        Unit of the times: ``s``, ``ms``, ``us``, ``ns`` or ``min``; ``iso`` for texts such as
-        ``2026-11-28T12:00:00.5``, ``day-first`` for texts such as ``28.11.2026 12:00:00.5``.
-    rate_hz : float, optional
-        Sample rate of recordings without times [Hz]. With times it must match them.
-    unit : str
-        Unit of the signal, such as ``N``, if no heading states it.
-    label : str
-        The label of all trials.
-    label_from : str
-        ``folder``, ``file``, or a regular expression for the path with the label in parentheses.
-    labels : Path, optional
-        File with one label per trial, for a ``.npy`` file.
-    topic, field : str
-        Topic of a bag of other software, and field of its messages.
-    separator, decimal : str
-        Column separator and decimal mark of a text table. Empty for a comma (in ``.tsv`` a tab)
-        and a point.
-    header_rows : int, optional
-        Number of header lines of a text table; the last one names the columns. None for 1.
-    """
-
-    force_column: str = ''
-    time_column: str = ''
-    trial_column: str = ''
-    label_column: str = ''
-    time_unit: str = ''
-    rate_hz: float | None = None
-    unit: str = ''
-    label: str = ''
-    label_from: str = ''
-    labels: Path | None = None
-    topic: str = ''
-    field: str = ''
-    separator: str = ''
-    decimal: str = ''
-    header_rows: int | None = None
-
-    def compile_label_pattern(self) -> re.Pattern[str] | None:
-        """Return ``label_from`` as a pattern with a group; None if it is not a pattern."""
-        if self.label_from in ('', 'folder', 'file'):
-            return None
-        try:
-            pattern = re.compile(self.label_from)
-        except re.error as error:
-            raise SourceError(
-                f'--label-from: "{self.label_from}" is not a regular expression: {error}'
-            ) from error
-        if not pattern.groups:
-            raise SourceError(
-                f'--label-from: "{self.label_from}" must be folder, file, or a regular '
-                r'expression with the label in parentheses, as in "(\w+)_\d+"'
-            )
-        return pattern
 
 
 @dataclass

@@ -12,14 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.sources.files import (
-    ambiguity,
-    ImportNotes,
-    name_labels,
-    SourceError,
-    SourceFile,
-    SourceOptions,
-)
+from tactile_analysis.options import SourceError, SourceOptions
+from tactile_analysis.sources.files import ambiguity, ImportNotes, name_labels, SourceFile
 from tactile_analysis.sources.raw_trials import RawTrial
 from tactile_bags.bag_reader import TactileBag
 from tactile_ros.message_classes import time_from_msg

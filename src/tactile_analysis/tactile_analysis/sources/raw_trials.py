@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.sources.files import ImportNotes, LAYOUT, SourceError
+from tactile_analysis.options import SourceError
+from tactile_analysis.sources.files import ImportNotes, LAYOUT
 from tactile_bags.trial import mean_period_s
 from tactile_classifier.datasets.archive import LARGEST_N, NEWTONS
 from tactile_features.config import round_rate

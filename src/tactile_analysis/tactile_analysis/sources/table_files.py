@@ -23,7 +23,8 @@ import pyarrow
 import pyarrow.csv
 import pyarrow.parquet
 
-from tactile_analysis.sources.files import decode_text, SourceError, SourceOptions
+from tactile_analysis.options import SourceError, SourceOptions
+from tactile_analysis.sources.files import decode_text
 from tactile_analysis.sources.raw_trials import join_columns
 from tactile_bags.trial import Trial
 

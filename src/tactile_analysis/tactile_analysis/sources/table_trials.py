@@ -14,14 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.sources.files import (
-    find_group_word,
-    ImportNotes,
-    name_labels,
-    SourceError,
-    SourceFile,
-    SourceOptions,
-)
+from tactile_analysis.options import SourceError, SourceOptions
+from tactile_analysis.sources.files import find_group_word, ImportNotes, name_labels, SourceFile
 from tactile_analysis.sources.raw_trials import RawTrial
 from tactile_analysis.sources.table_files import read_table, Table
 from tactile_classifier.datasets.archive import NEWTONS

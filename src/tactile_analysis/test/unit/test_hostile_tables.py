@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tactile_analysis.sources.files import SourceError
+from tactile_analysis.options import SourceError
 from tactile_analysis.sources.table_files import read_table
 
 

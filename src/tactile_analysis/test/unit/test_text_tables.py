@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_analysis.sources.files import SourceError, SourceOptions
+from tactile_analysis.options import SourceError, SourceOptions
 from tactile_analysis.sources.table_files import read_table
 from tactile_analysis.sources.table_trials import split_unit
 

@@ -8,6 +8,7 @@ from typing import Annotated, TYPE_CHECKING
 
 import typer
 
+from tactile_analysis.options import SourceOptions, TrialOptions
 from tactile_lab import options
 from tactile_lab.console import Cell, Prose, Table
 from tactile_lab.output import Output
@@ -29,8 +30,8 @@ def classify(
             'other software state neither task nor contact; give a single file for them.',
         ),
     ],
-    archives: options.ArchiveOptions = options.ARCHIVES,
-    statements: options.Statements = options.STATEMENTS,
+    archives: TrialOptions = options.TRIALS,
+    statements: SourceOptions = options.SOURCES,
     as_json: options.JsonOption = False,
 ) -> None:
     """Classify the trials of recordings with a model file.
@@ -55,12 +56,11 @@ def classify(
     from tactile_analysis.datasets.classified import classify_recording, count_right
     from tactile_analysis.datasets.feature_tables import load_recording
     from tactile_analysis.datasets.reading import Reading
-    from tactile_analysis.sources.files import SourceOptions
 
     output = Output(as_json)
     with (
         output.progress('classifying'),
-        load_recording(recordings, SourceOptions(**vars(statements))) as recording,
+        load_recording(recordings, statements) as recording,
     ):
         found = classify_recording(recording, model, Reading(**vars(archives)))
     output.say(*found.notes)

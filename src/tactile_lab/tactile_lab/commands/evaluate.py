@@ -9,6 +9,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 
 import typer
 
+from tactile_analysis.options import SourceOptions, TrialOptions
 from tactile_lab import options
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
@@ -91,8 +92,8 @@ def evaluate(
         ),
     ] = False,
     seed: options.SeedOption = 0,
-    archives: options.ArchiveOptions = options.ARCHIVES,
-    statements: options.Statements = options.STATEMENTS,
+    archives: TrialOptions = options.TRIALS,
+    statements: SourceOptions = options.SOURCES,
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
@@ -130,7 +131,6 @@ def evaluate(
     from tactile_analysis.datasets.reading import Reading
     from tactile_analysis.report.analysis import analyse
     from tactile_analysis.report.recordings import make_sets
-    from tactile_analysis.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
     from tactile_lab.commands.train import choose_with_progress
 
@@ -153,9 +153,7 @@ def evaluate(
 
         file = report_path(report)
     with on_cluster(cluster):
-        with open_features(
-            recordings, reading, SourceOptions(**vars(statements)), folds=folds
-        ) as source:
+        with open_features(recordings, reading, statements, folds=folds) as source:
             chosen = choose_with_progress(
                 source,
                 output,
@@ -204,14 +202,13 @@ def _evaluate_models(
     task: Optional[str],
     models: list[Path],
     group: list[str],
-    archives: options.ArchiveOptions,
-    statements: options.Statements,
+    archives: TrialOptions,
+    statements: SourceOptions,
     output: Output,
 ) -> None:
     from tactile_analysis.datasets.feature_tables import load_recording
     from tactile_analysis.datasets.model_accuracy import evaluate_models
     from tactile_analysis.datasets.reading import Reading
-    from tactile_analysis.sources.files import SourceOptions
     from tactile_lab.result_tables import format_evaluation
 
     for name, values, most in (('--model', models, 2), ('--group', group, 1)):
@@ -223,7 +220,7 @@ def _evaluate_models(
     reading = Reading(task=task, **vars(archives))
     with (
         output.progress('evaluating'),
-        load_recording(recordings, SourceOptions(**vars(statements))) as recording,
+        load_recording(recordings, statements) as recording,
     ):
         columns = options.split(group[0]) if group else ()
         found = evaluate_models(recording, reading, models, columns)

@@ -11,6 +11,7 @@ from typing import Annotated, Any, TYPE_CHECKING
 
 import typer
 
+from tactile_analysis.options import SourceOptions
 from tactile_lab import options
 from tactile_lab.output import (
     Output,
@@ -42,7 +43,7 @@ def export(
         typer.Option('--output', '-o', help='Table to write, ending in .parquet or .csv.'),
     ],
     force: Annotated[bool, typer.Option('--force', help='Replace the files.')] = False,
-    statements: options.Statements = options.STATEMENTS,
+    statements: SourceOptions = options.SOURCES,
     as_json: options.JsonOption = False,
 ) -> None:
     """Write the trials of recordings as one long table, with a dataset card beside it.
@@ -52,13 +53,13 @@ def export(
     Markdown with the fields that dataset hubs read; add the licence yourself. `tactile import`
     reads the table. Excluded trials are not written.
     """
-    from tactile_analysis import SourceOptions, TrialSet
+    from tactile_analysis import TrialSet
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)
     card = file.with_suffix('.md')
     refuse_to_replace([file, card], force=force)
-    with TrialSet.load(recordings, SourceOptions(**vars(statements))) as recording:
+    with TrialSet.load(recordings, statements) as recording:
         table = recording.to_table()
         counting = [trial for trial in recording.trials if not trial.why_not]
         left_out = [f'{t.name}: {t.why_not}' for t in recording.trials if t.why_not]

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import typer
 
+from tactile_analysis.options import SourceOptions, TrialOptions
 from tactile_lab import options
 from tactile_lab.output import Output, refuse_suffix, refuse_to_replace, TABLES, write_table
 
@@ -39,9 +40,9 @@ def features(
     ] = None,
     over: options.OverOption = None,
     detrend: options.DetrendOption = None,
-    archives: options.ArchiveOptions = options.ARCHIVES,
+    archives: TrialOptions = options.TRIALS,
     force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False,
-    statements: options.Statements = options.STATEMENTS,
+    statements: SourceOptions = options.SOURCES,
     as_json: options.JsonOption = False,
 ) -> None:
     """Write the features of recordings as a table, for notebooks and other programs.
@@ -55,14 +56,13 @@ def features(
 
     from tactile_analysis.datasets.feature_tables import open_features
     from tactile_analysis.datasets.reading import Reading, select_features
-    from tactile_analysis.sources.files import SourceOptions
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)
     reading = Reading(task=task, over=over, detrend=detrend, features=features, **vars(archives))
     with (
         output.progress('computing features'),
-        open_features(recordings, reading, SourceOptions(**vars(statements))) as source,
+        open_features(recordings, reading, statements) as source,
     ):
         found = source.tables()
         paths = source.recording.paths

@@ -8,6 +8,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 
 import typer
 
+from tactile_analysis.options import SourceOptions
 from tactile_lab import options
 from tactile_lab.output import Output, PICTURES, refuse_suffix, refuse_to_replace
 from tactile_ros.errors import named_errors, TactileError
@@ -40,7 +41,7 @@ def import_recordings(
     ] = None,
     skip_bad: options.SkipBadOption = False,
     force: Annotated[bool, typer.Option('--force', help='Replace the files.')] = False,
-    statements: options.Statements = options.STATEMENTS,
+    statements: SourceOptions = options.SOURCES,
     as_json: options.JsonOption = False,
 ) -> None:
     """Convert recordings of other programs to one archive.
@@ -50,7 +51,7 @@ def import_recordings(
     """
     import numpy as np
 
-    from tactile_analysis import SourceOptions, TrialSet
+    from tactile_analysis import TrialSet
     from tactile_classifier.datasets.archive import save_archive
 
     output = Output(as_json)
@@ -58,7 +59,7 @@ def import_recordings(
     if plot is not None:
         refuse_suffix('--plot', plot, PICTURES)
     refuse_to_replace([archive, *([plot] if plot else [])], force=force)
-    with TrialSet.load(recordings, SourceOptions(**vars(statements))) as recording:
+    with TrialSet.load(recordings, statements) as recording:
         if recording.is_own:
             raise TactileError(
                 f'{recording.paths[0]} is a bag with trial events: train, evaluate and features '

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import typer
 
+from tactile_analysis.options import SourceOptions, TrialOptions
 from tactile_lab import options
 from tactile_lab.output import make_output_folder, Output, refuse_to_replace
 from tactile_ros.errors import TactileError
@@ -145,8 +146,8 @@ def train(
     folds: options.FoldsOption = 6,
     repetitions: options.RepetitionsOption = None,
     seed: options.SeedOption = 0,
-    archives: options.ArchiveOptions = options.ARCHIVES,
-    statements: options.Statements = options.STATEMENTS,
+    archives: TrialOptions = options.TRIALS,
+    statements: SourceOptions = options.SOURCES,
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
@@ -161,7 +162,6 @@ def train(
     from tactile_analysis.datasets.automatic_features import AUTO
     from tactile_analysis.datasets.feature_tables import open_features
     from tactile_analysis.datasets.reading import Reading
-    from tactile_analysis.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
 
     output = Output(as_json)
@@ -186,9 +186,7 @@ def train(
                 **vars(archives),
             )
             reading.choose_fields()  # refuses options that do not go together, before the work
-            with open_features(
-                recordings, reading, SourceOptions(**vars(statements)), folds=folds
-            ) as source:
+            with open_features(recordings, reading, statements, folds=folds) as source:
                 if not trained:
                     _refuse_existing(source, folder, lengths, force=force)
                 write = functools.partial(

@@ -9,7 +9,7 @@ from tactile_command import ask_tactile, hear_tactile
 
 from tactile_analysis import TrialSet
 from tactile_analysis.datasets.classified import classify_recording
-from tactile_analysis.sources.files import SourceError
+from tactile_analysis.options import SourceError
 from tactile_classifier.datasets.archive import LabelledTrials, save_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.model_file.model import load_model

@@ -14,8 +14,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tactile_analysis.datasets.reading import Reading
-from tactile_analysis.sources.files import SourceOptions
+from tactile_analysis.options import SourceOptions, TrialOptions
 from tactile_classifier.datasets.splits import REPETITIONS
 from tactile_lab import commands, options, program
 from tactile_ros.process import PROFILES, TRANSPORTS
@@ -59,19 +58,11 @@ def functions_of(name):
     return [found]
 
 
-def test_options_on_recordings_are_fields_of_what_reads_them():
-    def fields(kind):
-        return {field.name: field.default for field in dataclasses.fields(kind)}
-
-    assert fields(options.Statements) == fields(SourceOptions)
-    assert fields(options.ArchiveOptions).items() <= fields(Reading).items()
-
-
 @pytest.mark.parametrize('name', ['evaluate', 'train', 'classify', 'features', 'import', 'export'])
 def test_a_command_on_recordings_has_an_option_for_each_statement_about_them(name):
     parameters = inspect.signature(options.expand(program.load_function(name))).parameters
-    kinds = [options.Statements]
-    kinds += [] if name in ('import', 'export') else [options.ArchiveOptions]
+    kinds = [SourceOptions]
+    kinds += [] if name in ('import', 'export') else [TrialOptions]
     for kind in kinds:
         defaults = {field.name: field.default for field in dataclasses.fields(kind)}
         assert defaults == {each: parameters[each].default for each in defaults}

@@ -12,9 +12,9 @@ from tactile_command import ask_tactile
 
 from tactile_analysis import TrialSet
 from tactile_analysis.datasets.feature_tables import features_of, open_features
+from tactile_analysis.options import SourceError
 from tactile_analysis.report.recordings import usual_splits
 from tactile_analysis.report.summary import describe_sources
-from tactile_analysis.sources.files import SourceError
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
