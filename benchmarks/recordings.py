@@ -7,9 +7,40 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from tactile_analysis import TrialSet
 
 FABRIC_SLIDE = 'fabric_slide.npz'
 PHAC_HOLD = 'phac_hold.npz'
+
+
+class Recording(NamedTuple):
+    """Signals of shape (trials, channels, samples), labels, rate and columns of a recording."""
+
+    x: NDArray[Any]
+    label: NDArray[Any]
+    rate_hz: float
+    columns: dict[str, NDArray[Any]]
+
+
+def read_fabrics() -> Recording:
+    """Return the balanced trials of the fabrics."""
+    return _read(TrialSet.load(find_recording(FABRIC_SLIDE) or '').select('balanced'))
+
+
+def read_holds() -> Recording:
+    """Return the holds from their second 1 to 5."""
+    return _read(TrialSet.load(find_recording(PHAC_HOLD) or '').crop(1.0, 5.0))
+
+
+def _read(trials: TrialSet) -> Recording:
+    x, label, _ = trials.windows()
+    rate_hz = trials.rate_hz
+    assert rate_hz is not None
+    return Recording(x, label, rate_hz, trials.columns)
 
 
 def find_recording(name: str) -> Path | None:

@@ -32,7 +32,7 @@ from pathlib import Path
 bag, model = Path(sys.argv[1]), load_model(sys.argv[2])
 with TactileBag(bag) as opened:
     assert len(list(opened.messages())) > 100
-table = read_tables([bag]).tables['texture', 'flexion']
+table = read_tables([bag])['texture', 'flexion']
 answers = model.predict(table.values)
 assert len(answers) == len(table) and set(answers) <= {'unknown', *model.labels}
 for module in ('rclpy', 'ament_index_python', 'tactile_msgs'):

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import recordings
 from benchmarks.accuracy.twelve_plates import simulate, USUAL_MM_S
 from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
-from tactile_classifier import load_archive
 from tactile_classifier.confidence.fit_calibration import (
     compute_calibration_error,
     fit_calibration,
@@ -43,13 +43,15 @@ OVER_MM = {'spatial_length_m': 0.048, 'spatial_finest_m': 0.003}
 
 def read_fabrics(channel: int | str = 'mean') -> dict[str, FeatureTable]:
     """Return the tables of the fabrics by feature set."""
-    trials = load_archive(find_recording(FABRIC_SLIDE) or '').where('balanced')
+    trials = recordings.read_fabrics()
     speeds_m_s = trials.columns['speed_mm_s'] / 1e3
     sets = ('texture_spectrum', 'texture_spatial', 'glide_waveform', 'spatial_waveform')
     return {
         name: table_from_trials(
             'texture',
-            trials,
+            trials.x,
+            trials.label,
+            trials.rate_hz,
             channel,
             config=FeatureConfig(texture_features=name, **OVER_MM),
             speeds_m_s=speeds_m_s,
@@ -60,10 +62,12 @@ def read_fabrics(channel: int | str = 'mean') -> dict[str, FeatureTable]:
 
 def read_holds() -> dict[str, FeatureTable]:
     """Return the tables of the holds by feature set."""
-    trials = load_archive(find_recording(PHAC_HOLD) or '').between(1.0, 5.0)
+    x, label, rate_hz, _ = recordings.read_holds()
     sets = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
     return {
-        name: table_from_trials('stiffness', trials, config=FeatureConfig(stiffness_features=name))
+        name: table_from_trials(
+            'stiffness', x, label, rate_hz, config=FeatureConfig(stiffness_features=name)
+        )
         for name in sets
     }
 

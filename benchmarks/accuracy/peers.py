@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 import importlib.util
-from pathlib import Path
 import sys
 import time
 from typing import Any
@@ -31,9 +30,15 @@ from sklearn.preprocessing import StandardScaler
 
 from benchmarks.accuracy.speeds import FINEST_M, LENGTH_M
 from benchmarks.measuring import Report, Row
-from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
-from tactile_classifier import load_archive
-from tactile_classifier.datasets.archive import LabelledTrials
+from benchmarks.recordings import (
+    FABRIC_SLIDE,
+    find_recording,
+    PHAC_HOLD,
+    read_fabrics,
+    read_holds,
+    Recording,
+    say_missing,
+)
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_classifier.types import ROCKET
 from tactile_features import compute_spectrum, FeatureConfig, features_from_trials
@@ -231,8 +236,7 @@ def run_peers(quick: bool) -> Report:
     ]
     seeds = 1 if quick else SEEDS
     for name, measure in ((FABRIC_SLIDE, _fabrics), (PHAC_HOLD, _holds)):
-        path = find_recording(name)
-        rows += measure(path, seeds) if path else [Row(say_missing(name))]
+        rows += measure(seeds) if find_recording(name) else [Row(say_missing(name))]
     return Report(
         title=f'peers on the same trials; accuracy: mean (range) of {seeds} seeds; window: '
         'time of features and prediction with scikit-learn',
@@ -242,7 +246,7 @@ def run_peers(quick: bool) -> Report:
     )
 
 
-def compute_by_speed(trials: LabelledTrials, x: Array, name: str, rows: Array) -> Array:
+def compute_by_speed(trials: Recording, x: Array, name: str, rows: Array) -> Array:
     """Return a feature set for some rows of the signals ``x``, with their speeds.
 
     The peers do not pass a speed, so the row is searched in ``x``.
@@ -257,9 +261,9 @@ def compute_by_speed(trials: LabelledTrials, x: Array, name: str, rows: Array) -
     ]
 
 
-def _fabrics(path: Path, seeds: int) -> list[Row]:
-    trials = load_archive(path).where('balanced')
-    x, label = trials.signal(0), trials.label
+def _fabrics(seeds: int) -> list[Row]:
+    trials = read_fabrics()
+    x, label = trials.x[:, 0], trials.label
     speed, force = trials.columns['speed_mm_s'], trials.columns['force_set']
     splits = {
         'six folds': partial(plain_folds, label),
@@ -294,8 +298,8 @@ def _fabrics(path: Path, seeds: int) -> list[Row]:
     return compare('fabrics, channel 0', methods, x, label, splits, seeds)
 
 
-def _holds(path: Path, seeds: int) -> list[Row]:
-    trials = load_archive(path).between(1.0, 5.0)
+def _holds(seeds: int) -> list[Row]:
+    trials = read_holds()
     label = trials.label
     ours = Method(
         'stiffness_regression, scaled 3 neighbours',
@@ -304,4 +308,4 @@ def _holds(path: Path, seeds: int) -> list[Row]:
     )
     splits = {'six folds': partial(plain_folds, label)}
     waveform = rocket('hold_waveform', lambda rows: average_parts(rows, HOLD_PARTS))
-    return compare('holds', [ours, waveform], trials.signal(0), label, splits, seeds)
+    return compare('holds', [ours, waveform], trials.x[:, 0], label, splits, seeds)

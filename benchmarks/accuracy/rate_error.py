@@ -22,10 +22,16 @@ from sklearn.model_selection import LeaveOneGroupOut
 
 from benchmarks.accuracy.speeds import FINEST_M, Glides, over_time
 from benchmarks.measuring import Report, Row
-from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
+from benchmarks.recordings import (
+    FABRIC_SLIDE,
+    find_recording,
+    PHAC_HOLD,
+    read_fabrics,
+    read_holds,
+    say_missing,
+)
 from benchmarks.simulator.robustness import make_features, score, Setting, Study
 from tactile_bringup.trial_protocols import TrialConfig
-from tactile_classifier import load_archive
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_features import FeatureConfig, features_from_trials
 from tactile_features.types import PROTOCOL_TEXTURE
@@ -78,14 +84,13 @@ def run_rate_error(quick: bool) -> Report:
 
 
 def _measure_fabrics(quick: bool) -> list[Row]:
-    path = find_recording(FABRIC_SLIDE)
-    if path is None:
+    if find_recording(FABRIC_SLIDE) is None:
         return [Row(say_missing(FABRIC_SLIDE))]
-    trials = load_archive(path).where('balanced')
+    trials = read_fabrics()
     columns = trials.columns
     speed_m_s = columns['speed_mm_s'] / 1e3
     group = np.char.add(columns['speed_mm_s'].astype(str), columns['force_set'].astype(str))
-    glides = Glides(trials.signal('mean'), trials.label, speed_m_s, trials.rate_hz)
+    glides = Glides(trials.x.mean(axis=1), trials.label, speed_m_s, trials.rate_hz)
     waveform = partial(over_distance, features='spatial_waveform')
     views: list[tuple[str, Callable[[Glides], Array], str, str]] = [
         ('texture_spectrum, 3 neighbours', over_time, 'knn', 'none'),
@@ -106,13 +111,12 @@ def _measure_fabrics(quick: bool) -> list[Row]:
 
 
 def _measure_holds() -> list[Row]:
-    path = find_recording(PHAC_HOLD)
-    if path is None:
+    if find_recording(PHAC_HOLD) is None:
         return [Row(say_missing(PHAC_HOLD))]
-    trials = load_archive(path).between(1.0, 5.0)
+    trials = read_holds()
     tables = []
     for error in ERRORS:
-        x = stretch(trials.signal(0), 1.0 / (1.0 + error))
+        x = stretch(trials.x[:, 0], 1.0 / (1.0 + error))
         config = FeatureConfig()
         tables.append(features_from_trials('stiffness', x, trials.rate_hz, config=config)[0])
     group = trials.columns['repetition']

@@ -36,8 +36,14 @@ from benchmarks.accuracy.peers import (
     ROCKETS,
     Transform,
 )
-from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
-from tactile_classifier import load_archive
+from benchmarks.recordings import (
+    FABRIC_SLIDE,
+    find_recording,
+    PHAC_HOLD,
+    read_fabrics,
+    read_holds,
+    say_missing,
+)
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_classifier.types import CLASSIFIER_TITLES, CLASSIFIERS, ROCKET, SCALINGS
 from tactile_features import FeatureConfig, features_from_trials
@@ -74,15 +80,15 @@ class Point(NamedTuple):
 
 def measure(seeds: int) -> Iterator[Point]:
     """Yield a point for each method on each available recording."""
-    if path := find_recording(FABRIC_SLIDE):
-        trials = load_archive(path).where('balanced')
-        x = trials.signal(0)
+    if find_recording(FABRIC_SLIDE):
+        trials = read_fabrics()
+        x = trials.x[:, 0]
         sets = ('texture_spectrum', 'texture_spatial', 'glide_waveform', 'spatial_waveform')
         views = {name: partial(compute_by_speed, trials, x, name) for name in sets}
         split = partial(held_out, trials.columns['speed_mm_s'])
         yield from _measure_all('fabrics', views, 'glide_waveform', x, trials.label, split, seeds)
-    if path := find_recording(PHAC_HOLD):
-        trials = load_archive(path).between(1.0, 5.0)
+    if find_recording(PHAC_HOLD):
+        trials = read_holds()
 
         def of_hold(name: str, rows: Array) -> Array:
             config = FeatureConfig(stiffness_features=name)
@@ -91,7 +97,7 @@ def measure(seeds: int) -> Iterator[Point]:
         sets = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
         views = {name: partial(of_hold, name) for name in sets}
         split = partial(held_out, trials.columns['repetition'])
-        x = trials.signal(0)
+        x = trials.x[:, 0]
         yield from _measure_all('holds', views, 'hold_waveform', x, trials.label, split, seeds)
 
 

@@ -17,8 +17,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from benchmarks.measuring import Report, Row
-from benchmarks.recordings import FABRIC_SLIDE, find_recording, say_missing
-from tactile_classifier import load_archive
+from benchmarks.recordings import FABRIC_SLIDE, find_recording, read_fabrics, say_missing
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_classifier.types import CLASSIFIERS, SCALINGS
 from tactile_features import compute_spectrum, FeatureConfig, features_from_trials
@@ -141,14 +140,13 @@ def hold_out(case: str, train: Table, tests: Sequence[Table], names: Sequence[st
 
 def run_speeds(quick: bool) -> Report:
     """Hold out each sliding speed of a public recording of fabrics."""
-    path = find_recording(FABRIC_SLIDE)
     rows = [Row(say_missing(FABRIC_SLIDE))]
-    if path is not None:
-        trials = load_archive(path).where('balanced')
+    if find_recording(FABRIC_SLIDE) is not None:
+        trials = read_fabrics()
         speed_m_s = trials.columns['speed_mm_s'] / 1e3
         channels = [
-            Glides(trials.signal(channel), trials.label, speed_m_s, trials.rate_hz)
-            for channel in ('mean', *range(trials.x.shape[1]))
+            Glides(signals, trials.label, speed_m_s, trials.rate_hz)
+            for signals in (trials.x.mean(axis=1), *np.moveaxis(trials.x, 1, 0))
         ]
         rows = _measure(channels, tuple(ESTIMATORS)[: 2 if quick else None])
     return Report(

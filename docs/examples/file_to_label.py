@@ -38,10 +38,10 @@ for day in ('day1', 'day2', 'day3'):
 # The label and the day are the names of the folders. The notes state what was read, with the units.
 from tactile_analysis import TrialSet
 
-recording = TrialSet.load(folder / 'lab')
-trials = recording.to_arrays()
-X, y, day = trials.x[:, 0], trials.label, trials.columns['day']
-print(*recording.notes, sep='\n')
+trials = TrialSet.load(folder / 'lab').even()
+X, y, day = trials.windows('day')
+X = X[:, 0]  # the only channel
+print(*trials.notes, sep='\n')
 print(X.shape, np.unique(y), np.unique(day), f'{trials.rate_hz:g} Hz')
 
 # %%

@@ -6,16 +6,17 @@
 For example::
 
     from pathlib import Path
-    from tactile_analysis import classify_recording, features_of, TrialSet
+    from tactile_analysis import classify_recording, compute_tables, Reading, TrialSet
 
     trials = TrialSet.load('bags')  # or CSV, Parquet, .npy, .npz; see `SourceOptions`
     trials.to_frame()  # label, session, source and so on, one row per trial
     trials = trials.select('contact=flexion').exclude('label=cork', 'the plate was loose')
     trials.trials[0].signal.values  # the samples of one trial, read when needed
     trials.to_table()  # all samples, as a pyarrow.Table
-    trials.to_arrays()  # signals and labels as arrays
+    x, y, groups = trials.windows('session_id')  # signals, labels and groups for scikit-learn
+    trials.save('trials.npz')
 
-    tables = features_of(trials).tables().tables  # a `FeatureTable` for each task and contact
+    tables, left_out = compute_tables(trials)  # a `FeatureTable` for each task and contact
 
     classify_recording(trials, Path('models'))  # the label of each trial, by model files
 
@@ -31,11 +32,9 @@ from typing import Any
 _HOMES = {
     'ClassifiedTrial': 'tactile_analysis.datasets.classified',
     'ClassifiedTrials': 'tactile_analysis.datasets.classified',
-    'FeatureTables': 'tactile_analysis.datasets.feature_tables',
     'ModelEvaluation': 'tactile_analysis.datasets.model_accuracy',
     'Reading': 'tactile_analysis.datasets.reading',
     'TrialSet': 'tactile_analysis.trial_set',
-    'RecordingFeatures': 'tactile_analysis.datasets.feature_tables',
     'RecordingSet': 'tactile_analysis.report.recordings',
     'SetResult': 'tactile_analysis.report.analysis',
     'SourceError': 'tactile_analysis.options',
@@ -45,9 +44,10 @@ _HOMES = {
     'choose_automatically': 'tactile_analysis.datasets.automatic_features',
     'classify_recording': 'tactile_analysis.datasets.classified',
     'evaluate_models': 'tactile_analysis.datasets.model_accuracy',
-    'features_of': 'tactile_analysis.datasets.feature_tables',
+    'compute_tables': 'tactile_analysis.datasets.feature_tables',
     'make_sets': 'tactile_analysis.report.recordings',
-    'open_features': 'tactile_analysis.datasets.feature_tables',
+    'open_trials': 'tactile_analysis.datasets.feature_tables',
+    'prepare': 'tactile_analysis.datasets.feature_tables',
     'read_tables': 'tactile_analysis.datasets.feature_tables',
 }
 

@@ -9,6 +9,8 @@ for trial in trials:
     trial.label, trial.session_id, trial.why_not, trial.signal, trial.events, trial.answers
 trials.to_frame()  # one row per trial
 trials = trials.select('session_id=a,b').exclude('label=cork', 'the plate was loose')
+x, y, groups = trials.crop(1.0, 4.0).windows('session_id')  # arrays for scikit-learn
+trials.save('trials.npz')
 ```
 
 A recording may consist of bags of this package, the folder of an experiment, an archive
@@ -24,27 +26,30 @@ from contextlib import ExitStack
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+import math
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tactile_analysis.options import SourceError, SourceOptions
-from tactile_analysis.sources.files import find_leaves, ImportNotes, SourceFile, SourceKind
-from tactile_analysis.sources.raw_trials import (
-    arrays_from_trials,
-    find_fault,
-    RawTrial,
+from tactile_analysis.sources.files import (
+    find_leaves,
+    ImportNotes,
+    SourceFile,
+    SourceKind,
+)
+from tactile_analysis.sources.signals import (
+    choose_rate,
+    find_ratio,
+    find_time_fault,
+    join_columns,
+    make_even,
+    resample,
 )
 from tactile_bags.experiment_journal import experiment_of
-from tactile_bags.trial import Signal, Trial
-from tactile_classifier.datasets.archive import (
-    LabelledTrials,
-    read_arrays,
-    trials_from_arrays,
-)
+from tactile_bags.trial import NO_LABEL, Signal, Trial
 from tactile_classifier.datasets.dataset import find_column
 from tactile_ros.errors import TactileError
 
@@ -56,8 +61,19 @@ if TYPE_CHECKING:
 OWN = 'bags with trial events'
 """Kind of a recording of bags of this package; other kinds are `SourceKind` values."""
 
+MAX_BYTES = 2**30
+"""Largest size of all signals after `TrialSet.resample` [byte]."""
+
+FEW_SAMPLES = 16
+"""Trials with fewer samples cause a warning: their spectrum has at most eight components."""
+
+RESERVED = ('x', 'rate_hz', 'length', 'offsets', 'unit', 'channel_names')
+"""Names of arrays in an archive that are not columns."""
+
 Columns = Mapping[str, NDArray[Any]]
 """Properties of trials by name, each of shape (trials,)."""
+
+Value = TypeVar('Value')
 
 Where = str | ArrayLike
 """Selection of trials; see `TrialSet.select`."""
@@ -66,7 +82,7 @@ Where = str | ArrayLike
 class TrialSet:
     """Trials of one or several recordings. A context manager; after closing, nothing can be read.
 
-    Make one by `load`.
+    Make one by `load`. All other methods return another set and leave this one unchanged.
 
     Attributes
     ----------
@@ -79,8 +95,8 @@ class TrialSet:
         Bags and files that were read.
     bags : tuple of RecordedBag
         Open bags of this package; they can be used as `TactileBag`.
-    notes : list of str
-        Unknown facts, then assumptions that were made.
+    is_changed : bool
+        True if `select`, `exclude` or `relabel` returned this set.
     """
 
     def __init__(
@@ -90,21 +106,19 @@ class TrialSet:
         paths: Sequence[Path],
         *,
         bags: Sequence[RecordedBag] = (),
-        arrays: Mapping[str, NDArray[Any]] | None = None,
-        raw: Sequence[RawTrial] = (),
-        options: SourceOptions | None = None,
+        trials: Sequence[Trial] | None = None,
         notes: ImportNotes | None = None,
     ) -> None:
         self.kind = kind
         self.name = name
         self.paths = tuple(paths)
         self.bags = tuple(bags)
-        self._arrays = arrays
-        self._raw = tuple(raw)
-        self._options = options or SourceOptions()
+        self.is_changed = False
+        self._steps: tuple[str, ...] = ()
+        self._is_even = False
         self._found = notes or ImportNotes()
-        self._numbers: tuple[int, ...] | None = None
-        self._excluded: dict[int, str] = {}
+        if trials is not None:
+            self.trials = tuple(trials)
 
     @classmethod
     def load(
@@ -118,14 +132,14 @@ class TrialSet:
             Paths of recordings, all of the same kind.
         options : SourceOptions, optional
             Statements that complete the recording; bags of this package need none. Labels that
-            are unknown are empty, and `to_arrays` raises an error that says how to state them.
+            are unknown are empty, and `windows` raises an error that says how to state them.
 
         Raises
         ------
         SourceError
-            When there is no recording, or a required fact is unknown.
-        BagError, DatasetError
-            When a bag or an archive cannot be read.
+            When there is no recording, it cannot be read, or a required fact is unknown.
+        BagError
+            When a bag cannot be read.
         """
         options = options or SourceOptions()
         named = [paths] if isinstance(paths, (str, Path)) else paths
@@ -133,7 +147,7 @@ class TrialSet:
         own = _open_own(leaves, options)
         if own:
             files = [bag.path for bag in own]
-            return cls(OWN, leaves[0].root.name, files, bags=own, options=options)
+            return cls(OWN, leaves[0].root.name, files, bags=own)
         kinds = {leaf.kind for leaf in leaves}
         if len(kinds) > 1:
             raise SourceError(
@@ -142,17 +156,12 @@ class TrialSet:
             )
         (kind,) = kinds
         notes = ImportNotes()
-        arrays, found = _read_others(kind, leaves, options, notes)
-        raw = [trial.in_newtons(options.unit) for trial in found]
-        for before, after in zip(found, raw, strict=True):
-            if (unit := options.unit or before.unit) != after.unit:
-                notes.add(f'force: converted from {unit} to N')
+        trials = _read_others(kind, leaves, options, notes)
         files = [leaf.path for leaf in leaves]
-        root = leaves[0].root if raw else leaves[0].path
-        return cls(
-            kind.value, root.name or str(root), files, arrays=arrays, raw=raw, options=options,
-            notes=notes,
-        )  # fmt: skip
+        name = leaves[0].root.name or str(leaves[0].root)
+        if kind is SourceKind.ARCHIVE:
+            name = leaves[0].path.name
+        return cls(kind.value, name, files, trials=trials, notes=notes)
 
     def __len__(self) -> int:
         return len(self.trials)
@@ -179,36 +188,49 @@ class TrialSet:
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
         """All trials; those with a non-empty ``why_not`` are excluded from evaluation."""
-        if self.is_own:
-            fingers = ((bag, namespace) for bag in self.bags for namespace in bag.namespaces)
-            return tuple(t for bag, namespace in fingers for t in bag.trials(namespace))
-        if self._raw:
-            return tuple(self._raw_trial(raw) for raw in self._raw)
-        return self._archive_trials()
+        fingers = ((bag, namespace) for bag in self.bags for namespace in bag.namespaces)
+        return tuple(t for bag, namespace in fingers for t in bag.trials(namespace))
+
+    @property
+    def included(self) -> list[Trial]:
+        """The trials that are not excluded."""
+        return [trial for trial in self.trials if not trial.why_not]
+
+    @property
+    def skipped(self) -> list[str]:
+        """One sentence for each trial that cannot be used because of its samples."""
+        return [trial.why_not for trial in self.trials if trial.is_faulty]
 
     @property
     def unit(self) -> str:
         """Unit of all signals; empty if unknown or not the same for all."""
-        if self.is_own:
-            return 'N'
-        if self._raw:
-            units = {raw.unit for raw in self._raw}
-            return units.pop() if len(units) == 1 else ''
-        return self._whole.unit
+        return 'N' if self.is_own else _find_common([t.signal.unit for t in self.trials]) or ''
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Sample rate of all trials [Hz]; None if unknown or not the same for all."""
+        if self.is_own and not self._is_even:
+            return _find_common(
+                [bag.rate_hz(namespace) for bag in self.bags for namespace in bag.namespaces]
+            )
+        return _find_common([trial.signal.rate_hz for trial in self.trials])
 
     @property
     def notes(self) -> list[str]:
-        """Unknown facts as the first line, then assumptions, then the excluded trials."""
+        """Unknown facts as the first line, then assumptions and processing steps, then exclusions.
+
+        Trials that `skipped` lists are not repeated.
+        """
         unknown = [] if self.unit else ['unit of the signal (--unit N)']
-        if self._raw and self._options.rate_hz is None and not any(r.rate_hz for r in self._raw):
+        if not self.is_own and not any(trial.signal.rate_hz for trial in self.trials):
             unknown.append('sample rate (--rate-hz)')
         first = [f'unknown: {", ".join(unknown)}'] if unknown else []
         excluded = [
-            f'excluded: trial {trial.name}: {self._excluded[number]}'
-            for number, trial in zip(self._numbers or (), self.trials, strict=False)
-            if number in self._excluded
+            f'excluded: trial {trial.name}: {trial.why_not}'
+            for trial in self.trials
+            if trial.why_not and not trial.is_faulty and not self.is_own
         ]
-        return [*first, *self._found.lines, *excluded]
+        return [*first, *self._found.lines, *self._steps, *excluded]
 
     # -- selection ---------------------------------------------------------------------------
 
@@ -242,7 +264,7 @@ class TrialSet:
 
         return pandas.DataFrame(self.columns)
 
-    def select(self, where: Where) -> TrialSet:
+    def select(self, where: Where, option: str = 'select') -> TrialSet:
         """Return a set with some of the trials; both sets read from the same open bags.
 
         Parameters
@@ -250,14 +272,16 @@ class TrialSet:
         where : str, or array_like of bool of shape (trials,)
             ``COLUMN=VALUE[,VALUE...]`` with a name of `columns`, ``COLUMN`` for a boolean column,
             or a mask.
+        option : str
+            Name of the option in error messages.
 
         Raises
         ------
         TactileError
             When there is no such column, no trial is selected, or the mask has another shape.
         """
-        chosen = np.flatnonzero(self._find_mask(where)).tolist()
-        return self._change([(i, self.trials[i]) for i in chosen])
+        mask = self._find_mask(where, option)
+        return self._change([t for t, is_chosen in zip(self, mask, strict=True) if is_chosen])
 
     def exclude(self, where: Where, why: str) -> TrialSet:
         """Return a set in which some trials are excluded from training and evaluation.
@@ -271,10 +295,12 @@ class TrialSet:
         """
         if not why:
             raise SourceError('exclude: state why the trials are excluded')
-        mask = self._find_mask(where)
+        mask = self._find_mask(where, 'exclude')
         return self._change(
-            [(i, replace(t, why_not=why) if mask[i] else t) for i, t in enumerate(self.trials)],
-            dict.fromkeys(np.flatnonzero(mask).tolist(), why),
+            [
+                replace(trial, why_not=why, is_faulty=False) if is_chosen else trial
+                for trial, is_chosen in zip(self, mask, strict=True)
+            ]
         )
 
     def relabel(self, where: Where, label: str) -> TrialSet:
@@ -282,42 +308,35 @@ class TrialSet:
 
         ``where`` is as in `select`.
         """
-        mask = self._find_mask(where)
+        mask = self._find_mask(where, 'relabel')
         return self._change(
-            [(i, replace(t, label=label) if mask[i] else t) for i, t in enumerate(self.trials)]
+            [
+                replace(
+                    trial, label=label, why_not='' if trial.why_not == NO_LABEL else trial.why_not
+                )
+                if is_chosen
+                else trial
+                for trial, is_chosen in zip(self, mask, strict=True)
+            ]
         )
 
-    def find_window(
-        self, source: str, namespace: str, name: str, start_ns: int
-    ) -> tuple[Trial, str] | None:
-        """Return the trial of a window in a bag, and the reason that was given to `exclude`.
+    def find_window(self, source: str, namespace: str, name: str, start_ns: int) -> Trial | None:
+        """Return the trial of a window in a bag; None if the trial is not in this set.
 
-        Only for sets with `is_changed`. The reason is empty if the trial is not excluded. Returns
-        None if the trial is not in this set. ``start_ns`` is the start of the window (ROS time)
-        [ns].
+        ``start_ns`` is the start of the window (ROS time) [ns].
         """
-        assert self._numbers is not None, 'only for sets that were changed'
         found = [
-            (trial.begin_ns, number, trial)
-            for number, trial in zip(self._numbers, self.trials, strict=True)
+            trial
+            for trial in self.trials
             if (trial.source, trial.namespace, trial.name) == (source, namespace, name)
-            and trial.events
             and trial.begin_ns is not None
             and trial.begin_ns <= start_ns <= trial.events[-1].stamp_ns
         ]
-        if not found:
-            return None
-        _, number, trial = max(found, key=lambda each: each[0])
-        return trial, self._excluded.get(number, '')
+        return max(found, key=lambda trial: trial.begin_ns or 0, default=None)
 
-    @property
-    def is_changed(self) -> bool:
-        """True for sets that `select`, `exclude` or `relabel` returned."""
-        return self._numbers is not None
-
-    def _find_mask(self, where: Where) -> NDArray[np.bool_]:
+    def _find_mask(self, where: Where, option: str) -> NDArray[np.bool_]:
         if isinstance(where, str):
-            return select_trials(self.columns, where, 'select')
+            return select_trials(self.columns, where, option)
         mask = np.asarray(where)
         if mask.shape != (len(self),) or mask.dtype.kind != 'b':
             raise SourceError(
@@ -328,144 +347,244 @@ class TrialSet:
             raise SourceError('the mask selects no trial')
         return mask
 
-    def _change(
-        self,
-        trials: Sequence[tuple[int, Trial]],
-        excluded: Mapping[int, str] = MappingProxyType({}),
-    ) -> TrialSet:
-        """Return a set with these trials, each with its index in this set.
-
-        ``excluded`` has the reasons of newly excluded trials, by index.
-        """
-        numbers = self._numbers or tuple(range(len(self)))
+    def _change(self, trials: Sequence[Trial], *steps: str, is_changed: bool = True) -> TrialSet:
+        """Return a set with these trials; ``steps`` describe what was done."""
         found = copy(self)
-        found.trials = tuple(trial for _, trial in trials)
-        found._numbers = tuple(numbers[i] for i, _ in trials)  # noqa: SLF001 (of this class)
-        newly = {numbers[i]: why for i, why in excluded.items()}
-        found._excluded = self._excluded | newly  # noqa: SLF001
+        found.trials = tuple(trials)
+        found.is_changed = self.is_changed or is_changed
+        found._steps = (*self._steps, *steps)  # noqa: SLF001 (of this class)
         return found
 
-    def _keep(self, loaded: LabelledTrials) -> LabelledTrials:
-        """Return the included trials of an archive with their present labels."""
-        if self._numbers is None:
-            return loaded
-        rows = [*self._whole.rows.tolist(), *(each.row for each in self._whole.skipped)]
-        kept = {
-            rows[number]: trial.label
-            for number, trial in zip(self._numbers, self.trials, strict=True)
-            if not trial.why_not
-        }
-        mask = np.isin(loaded.rows, list(kept))
-        if not mask.any():
-            raise SourceError(f'{self.paths[0]}: no trial is included')
-        labels = np.array([kept[row] for row in loaded.rows[mask].tolist()])
-        return replace(loaded.take(mask), label=labels)
+    # -- signals -----------------------------------------------------------------------------
 
-    def _kept_raw(self) -> tuple[RawTrial, ...]:
-        """Return the trials of files that are not excluded, with their present labels."""
-        if self._numbers is None:
-            return self._raw
-        return tuple(
-            replace(self._raw[n], columns={**self._raw[n].columns, 'label': trial.label})
-            for n, trial in zip(self._numbers, self.trials, strict=True)
-            if n not in self._excluded
-        )
+    def even(self, *, skip_bad: bool = False, needs_label: bool = True) -> TrialSet:
+        """Return a set whose included trials have the same channels and one constant rate.
 
-    # -- trials of other software ------------------------------------------------------------
-
-    @cached_property
-    def _whole(self) -> LabelledTrials:
-        """All usable trials of an archive."""
-        assert self._arrays is not None
-        return self._from_arrays(folds=0, skip_bad=True, needs_label=False)
-
-    def _from_arrays(self, *, folds: int, skip_bad: bool, needs_label: bool) -> LabelledTrials:
-        return trials_from_arrays(
-            self.paths[0],
-            dict(self._arrays or {}),
-            folds,
-            skip_bad=skip_bad,
-            rate_hz=self._options.rate_hz,
-            unit=self._options.unit,
-            needs_label=needs_label,
-        )
-
-    def _raw_trial(self, raw: RawTrial) -> Trial:
-        def load() -> Signal:
-            rate_hz = self._options.rate_hz or raw.rate_hz
-            time_s = raw.time_s
-            if time_s is None and rate_hz is not None:
-                time_s = np.arange(raw.values.shape[1]) / rate_hz
-            names = raw.channels or tuple(f'channel_{i}' for i in range(len(raw.values)))
-            return Signal(time_s, raw.values, names, raw.unit, rate_hz)
-
-        why_not = find_fault(raw, self._options.rate_hz or raw.rate_hz)
-        source = str(raw.columns.get('source', ''))
-        return _other_trial(raw.name, source, raw.columns, load, why_not)
-
-    def _archive_trials(self) -> tuple[Trial, ...]:
-        whole = self._whole
-        trials = []
-        for i in range(len(whole)):
-            columns = {name: column[i].item() for name, column in whole.columns.items()}
-            known = {**columns, 'label': str(whole.label[i])}
-            name = str(columns.get('trial', whole.rows[i]))
-
-            def load(i: int = i) -> Signal:
-                values = whole.x[i, :, : whole.lengths[i]].astype(np.float64)
-                times_s = np.arange(values.shape[1]) / whole.rate_hz
-                return Signal(times_s, values, whole.channels, whole.unit, whole.rate_hz)
-
-            trials.append(_other_trial(name, str(self.paths[0]), known, load))
-        for each in whole.skipped:
-            why_not = f'row {each.row}: {each.reason}'
-            trials.append(Trial(str(each.row), str(self.paths[0]), '', why_not=why_not))
-        return tuple(trials)
-
-    # -- conversions -------------------------------------------------------------------------
-
-    def to_arrays(
-        self, *, folds: int = 0, skip_bad: bool = False, needs_label: bool = True
-    ) -> LabelledTrials:
-        """Return the included trials at one constant rate, in the form of an archive.
+        Samples of trials with uneven stamps or single lost samples are interpolated linearly.
 
         Parameters
         ----------
-        folds : int
-            Refuse fewer trials than this; 0 accepts any number.
         skip_bad : bool
-            Skip unusable trials; otherwise the first of them raises an error.
+            Exclude unusable trials; otherwise the first of them raises an error.
         needs_label : bool
-            If False, trials without a label have an empty one.
+            If False, labels may be missing, and constant signals are accepted.
 
         Raises
         ------
         SourceError
-            When rates or channels of the trials differ, a trial is unusable, or labels are
-            missing.
-        DatasetError
-            When the trials are unusable as a data set.
+            When rates or channels of the trials differ, a trial is unusable, labels are missing,
+            or no trial contains a signal.
         """
-        if self._arrays is not None:
-            trials = self._from_arrays(
-                folds=folds, skip_bad=skip_bad or self.is_changed, needs_label=needs_label
-            )
-            trials = self._keep(trials)
-            return replace(trials, steps=(*self.notes, *trials.steps))
-        if needs_label and self._found.no_label is not None and not all(t.label for t in self):
+        if self._is_even:
+            return self
+        wanted = [trial for trial in self if trial.is_faulty or not trial.why_not]
+        if needs_label and self._found.no_label and not all(trial.label for trial in wanted):
             raise self._found.no_label
-        raw, notes = self._kept_raw(), ImportNotes(self.notes)
-        if self.is_own:
-            raw = tuple(_raw_of(trial, name) for trial, name in self._named_trials())
-        arrays = arrays_from_trials(raw, self._options.rate_hz, notes, skip_bad=skip_bad)
-        trials = trials_from_arrays(
-            Path(self.name), arrays, folds, skip_bad=skip_bad, needs_label=needs_label
+        bad = self.skipped
+        if bad and not skip_bad:
+            raise SourceError(
+                f'{len(bad)} of {len(self)} trials cannot be used, first {bad[0]}; --skip-bad '
+                'skips such trials'
+            )
+        included = self.included
+        if not included:
+            first = next((f', first {trial.why_not}' for trial in self), '')
+            raise SourceError(f'{self.name}: no trial of {len(self)} can be used{first}')
+        rate_hz = choose_rate(included)
+        if self.is_own:  # other trials were checked when they were read
+            faults = [find_time_fault(trial.signal.time_s, rate_hz) for trial in included]
+            found = {i: fault for i, fault in enumerate(faults) if fault}
+            if found:
+                return self.drop(found, skip_bad=skip_bad).even(
+                    needs_label=needs_label, skip_bad=True
+                )
+        signals = {id(trial): make_even(trial.signal, rate_hz) for trial in included}
+        _check_channels(list(signals.values()))
+        steps = []
+        if self._found.rate_from_stamps:
+            steps.append(f'rate: {rate_hz:g} Hz, from the stamps')
+        filled = sum(signals[id(t)].values is not t.signal.values for t in included)
+        if filled:
+            steps.append(
+                f'{filled} of {len(included)} trials have uneven stamps or lost samples: '
+                f'interpolated linearly to an even {rate_hz:g} Hz'
+            )
+        if needs_label:
+            named = [(trial.name, signals[id(trial)]) for trial in included]
+            steps += _find_doubts(self.name, named)
+        whole = self._change(
+            [_with_signal(t, signals[id(t)]) if id(t) in signals else t for t in self],
+            *steps,
+            is_changed=False,
         )
-        return replace(trials, unit=self.unit, steps=(*notes.lines, *trials.steps))
+        whole._is_even = True  # noqa: SLF001 (of this class)
+        return whole
 
-    def _named_trials(self) -> list[tuple[Trial, str]]:
+    def resample(self, rate_hz: float) -> TrialSet:
+        """Return a set at another rate [Hz]; see `sources.signals.resample`."""
+        whole = self.even()
+        own_hz = whole.rate_hz
+        assert own_hz is not None, 'the set is even'
+        if own_hz == rate_hz:
+            return whole
+        up, down = find_ratio(own_hz, rate_hz)
+        values = sum(trial.signal.values.size for trial in whole.included)
+        if 8 * values * up / down > MAX_BYTES:
+            raise SourceError(f'at {rate_hz:g} Hz the trials exceed the memory limit')
+        return whole._map(  # noqa: SLF001 (of this class)
+            lambda signal: resample(signal, rate_hz),
+            f'resampled from {own_hz:g} to {rate_hz:g} Hz: polyphase filter {up}/{down} '
+            'against aliasing, scipy.signal.resample_poly, Kaiser 5.0',
+        )
+
+    def crop(self, start_s: float, stop_s: float, *, skip_bad: bool = False) -> TrialSet:
+        """Return a set with the time from ``start_s`` to before ``stop_s`` of each trial.
+
+        Raises SourceError if a trial ends before ``stop_s``, unless ``skip_bad`` is set, and if
+        all trials are shorter, or no sample remains.
+        """
+        whole = self.even(skip_bad=skip_bad)
+        rate_hz = whole.included[0].signal.rate_hz
+        assert rate_hz is not None, 'the set is even'
+        counts = [trial.signal.values.shape[1] for trial in whole.included]
+        longest = max(counts)
+        first, last = (round(t * rate_hz, 6) for t in (start_s, stop_s))
+        if not 0 <= first < last <= longest:
+            raise SourceError(
+                f'the trials last {longest / rate_hz:.6g} s; {start_s:g} to {stop_s:g} s is '
+                'outside'
+            )
+        bad = {
+            i: f'it lasts {count / rate_hz:.6g} s; {stop_s:g} s are needed'
+            for i, count in enumerate(counts)
+            if count < last
+        }
+        begin, end = math.ceil(first), math.ceil(last)
+        kept = whole.drop(bad, skip_bad=skip_bad)
+        return kept._map(lambda signal: _cut(signal, begin, end))  # noqa: SLF001 (of this class)
+
+    def cut_to_shortest(self) -> TrialSet:
+        """Return a set in which all trials have the length of the shortest, from their start."""
+        whole = self.even()
+        included = whole.included
+        counts = [trial.signal.values.shape[1] for trial in included]
+        shortest, rate_hz = min(counts), included[0].signal.rate_hz
+        if shortest == max(counts):
+            return whole
+        assert rate_hz is not None, 'the set is even'
+        return whole._map(  # noqa: SLF001 (of this class)
+            lambda signal: _cut(signal, 0, shortest),
+            f'cut to the first {shortest / rate_hz:.6g} s, the length of the shortest trial '
+            f'({included[counts.index(shortest)].name})',
+        )
+
+    def drop(self, bad: Mapping[int, str], *, skip_bad: bool) -> TrialSet:
+        """Return a set without unusable trials; ``bad`` maps indices in `included` to reasons.
+
+        Raises SourceError if ``skip_bad`` is not set, or no trial remains.
+        """
+        if not bad:
+            return self
+        included = self.included
+        reasons = {
+            id(included[i]): f'trial {included[i].name}: {reason}' for i, reason in bad.items()
+        }
+        if not skip_bad or len(bad) == len(included):
+            remedy = '' if skip_bad else '; --skip-bad skips such trials'
+            raise SourceError(
+                f'{len(bad)} of {len(included)} trials cannot be used, first '
+                f'{next(iter(reasons.values()))}{remedy}'
+            )
+        return self._change(
+            [
+                replace(trial, why_not=reasons[id(trial)], is_faulty=True)
+                if id(trial) in reasons
+                else trial
+                for trial in self
+            ],
+            is_changed=False,
+        )
+
+    def add_step(self, sentence: str) -> TrialSet:
+        """Return the same set with a sentence on its processing in `notes`."""
+        return self._change(self.trials, sentence, is_changed=False)
+
+    def _map(self, change: Callable[[Signal], Signal], *steps: str) -> TrialSet:
+        """Return a set with changed signals of the included trials."""
+        return self._change(
+            [t if t.why_not else _with_signal(t, change(t.signal)) for t in self],
+            *steps,
+            is_changed=False,
+        )
+
+    # -- conversions -------------------------------------------------------------------------
+
+    def windows(
+        self, group: str = ''
+    ) -> tuple[NDArray[np.float64], NDArray[np.str_], NDArray[Any] | None]:
+        """Return signals, labels and groups of the included trials, as scikit-learn needs them.
+
+        Longer trials are cut to the length of the shortest; cut them with `crop` first.
+
+        Parameters
+        ----------
+        group : str
+            Column of the groups, such as ``session_id``; without one, the groups are None.
+
+        Returns
+        -------
+        x : ndarray of float64, shape (trials, channels, samples)
+        y : ndarray of str, shape (trials,)
+        groups : ndarray of shape (trials,), or None
+
+        Raises
+        ------
+        SourceError
+            See `even`.
+        """
+        found = self.cut_to_shortest()
+        x = np.stack([trial.signal.values for trial in found.included])
+        y = np.array([trial.label for trial in found.included])
+        if not group:
+            return x, y, None
+        chosen = np.array([not trial.why_not for trial in found])
+        columns = found.columns
+        name = find_column(columns, group)
+        if name not in columns:
+            raise SourceError(f'there is no column "{group}"; there are: {", ".join(columns)}')
+        return x, y, columns[name][chosen]
+
+    def save(self, path: str | Path) -> None:
+        """Write the included trials to an archive (``.npz``) that `load` reads; replace a file.
+
+        Raises
+        ------
+        SourceError
+            See `even`.
+        """
+        from tactile_analysis.sources.arrays import write_archive
+
+        named = self.even().name_trials()
+        signals = [trial.signal for trial, _ in named]
+        lengths = np.array([signal.values.shape[1] for signal in signals])
+        channels = signals[0].channels
+        x = np.zeros((len(signals), len(channels), int(lengths.max())))
+        for row, signal in enumerate(signals):
+            x[row, :, : lengths[row]] = signal.values
+        columns = join_columns(named)
+        arrays = {f'{n}_' if n in RESERVED else n: column for n, column in columns.items()}
+        arrays |= {'x': x, 'rate_hz': np.array(signals[0].rate_hz)}
+        if unit := self.unit:
+            arrays['unit'] = np.array(unit)
+        if len(channels) > 1:
+            arrays['channel_names'] = np.array(channels)
+        if (lengths != lengths[0]).any():
+            arrays['length'] = lengths
+        write_archive(Path(path), arrays)
+
+    def name_trials(self) -> list[tuple[Trial, str]]:
         """Return the included trials, each with a unique name."""
-        counting = [trial for trial in self.trials if not trial.why_not]
+        counting = self.included
         names = [trial.name for trial in counting]
         if len(set(names)) < len(names):
             names = [f'{Path(t.source).name}/{t.namespace}/{t.name}' for t in counting]
@@ -492,58 +611,72 @@ class TrialSet:
         )
 
         # Only archives state a rate; otherwise the times show it.
-        stated_hz = None if self._arrays is None else self.rate_hz
-        return build_long_table(self._named_trials(), stated_hz)
+        is_stated = self.kind == SourceKind.ARCHIVE.value
+        return build_long_table(self.name_trials(), self.rate_hz if is_stated else None)
 
-    @property
-    def rate_hz(self) -> float | None:
-        """Sample rate of all trials [Hz]; None if unknown or not the same for all."""
-        if self._options.rate_hz is not None:
-            return self._options.rate_hz
-        if self._arrays is not None:
-            return self._whole.rate_hz
-        if self.is_own:
-            rates = {bag.rate_hz(namespace) for bag in self.bags for namespace in bag.namespaces}
-        else:
-            rates = {raw.rate_hz for raw in self._raw}
-        return rates.pop() if len(rates) == 1 else None
+
+def _with_signal(trial: Trial, signal: Signal) -> Trial:
+    return replace(trial, load_signal=lambda: signal)
+
+
+def _cut(signal: Signal, begin: int, end: int) -> Signal:
+    time_s = signal.time_s
+    assert time_s is not None, 'the set is even'
+    return replace(
+        signal, time_s=time_s[begin:end] - time_s[begin], values=signal.values[:, begin:end]
+    )
 
 
 def _to_column(values: Sequence[Any]) -> NDArray[Any]:
     return np.array(values, dtype=object if any(value is None for value in values) else None)
 
 
-def _other_trial(
-    name: str,
-    source: str,
-    columns: Mapping[str, Any],
-    load: Callable[[], Signal],
-    why_not: str = '',
-) -> Trial:
-    def known(*names: str) -> str:
-        return str(next((columns[n] for n in names if n in columns), ''))
-
-    return Trial(
-        name=name,
-        source=source,
-        label=known('label'),
-        session_id=known('session_id', 'session'),
-        mounting_id=known('mounting_id', 'mounting'),
-        contact=known('contact'),
-        task=known('task'),
-        why_not=why_not,
-        columns=columns,
-        load_signal=load,
-    )
+def _find_common(values: Sequence[Value]) -> Value | None:
+    """Return the value that all have in common, or None."""
+    return values[0] if values and len(set(values)) == 1 else None
 
 
-def _raw_of(trial: Trial, name: str) -> RawTrial:
-    signal = trial.signal
-    time_s = signal.time_s
-    assert time_s is not None
-    columns = {**trial.columns, 'label': trial.label}
-    units = (signal.unit,) * len(signal.channels)
-    return RawTrial(name, signal.values, time_s, columns, signal.channels, units)
+def _check_channels(signals: Sequence[Signal]) -> None:
+    counts = {len(signal.values) for signal in signals}
+    if len(counts) > 1:
+        raise SourceError(
+            f'the trials have {" and ".join(map(str, sorted(counts)))} channels; '
+            'all must have the same number'
+        )
+    names = list(dict.fromkeys(signal.channels for signal in signals))
+    if len(names) > 1 and counts != {1}:
+        raise SourceError(
+            f'the channels of the trials differ: {", ".join(names[0])}, and '
+            f'{", ".join(names[1])}; state them with --force-column or --field'
+        )
+
+
+def _find_doubts(name: str, trials: Sequence[tuple[str, Signal]]) -> Iterator[str]:
+    """Yield warnings about usable trials; raise SourceError if no trial contains a signal."""
+    signals = [signal.values for _, signal in trials]
+    constant = np.array([(x == x[:, :1]).all(axis=1) for x in signals])
+    if constant.all():
+        raise SourceError(f'{name}: all trials are constant and contain no signal')
+    if len(signals) > 1 and all(np.array_equal(signals[0], x) for x in signals[1:]):
+        raise SourceError(
+            f'{name}: all {len(signals)} trials contain the same samples: check the selected '
+            'columns, and the separator of a text table'
+        )
+    names = np.array([each for each, _ in trials])
+    for channel, flat in zip(trials[0][1].channels, constant.T, strict=True):
+        if flat.any():
+            yield f'warning: channel {channel} is constant in {_name_trials(names[flat])}'
+    counts = np.array([x.shape[1] for x in signals])
+    if (counts < FEW_SAMPLES).any():
+        yield (
+            f'warning: fewer than {FEW_SAMPLES} samples in '
+            f'{_name_trials(names[counts < FEW_SAMPLES])}, the fewest {counts.min()}'
+        )
+
+
+def _name_trials(names: Sequence[str] | NDArray[Any]) -> str:
+    more = f' and {len(names) - 5} more' if len(names) > 5 else ''
+    return f'{len(names)} trial{"s" if len(names) > 1 else ""} ({", ".join(names[:5])}{more})'
 
 
 def _open_own(leaves: Sequence[SourceFile], options: SourceOptions) -> list[RecordedBag]:
@@ -578,6 +711,11 @@ def _open_own(leaves: Sequence[SourceFile], options: SourceOptions) -> list[Reco
                 f'combine no bags with trial events and other recordings: {own[0].path} has '
                 f'trial events, {others[0].path} has none'
             )
+        if own and options != SourceOptions():
+            raise SourceError(
+                f'{own[0].path} contains trial events, which define the trials: omit '
+                '--force-column, --rate-hz, --label, --label-from, --labels and --field'
+            )
         correct_bags(own)
         stack.pop_all()
     return own
@@ -585,27 +723,23 @@ def _open_own(leaves: Sequence[SourceFile], options: SourceOptions) -> list[Reco
 
 def _read_others(
     kind: SourceKind, leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
-) -> tuple[Mapping[str, NDArray[Any]] | None, list[RawTrial]]:
-    """Return the arrays of an archive, or the trials of other files."""
-    if kind is SourceKind.ARCHIVE:
-        if len(leaves) > 1:
-            raise SourceError(f'take one archive at a time, not {_examples(leaves)}')
-        return read_arrays(leaves[0].path), []
+) -> list[Trial]:
+    """Return the trials of recordings of other software."""
     if kind is SourceKind.TABLE:
         from tactile_analysis.sources.table_trials import read_table_trials  # pyarrow is slow
 
-        return None, read_table_trials(leaves, options, notes)
+        return read_table_trials(leaves, options, notes)
     if kind is SourceKind.BAG:
         from tactile_analysis.sources.other_bags import read_bag_trials
 
-        return None, read_bag_trials(leaves, options, notes)
-    from tactile_analysis.sources.arrays import read_array_trials, read_labelled_array
+        return read_bag_trials(leaves, options, notes)
+    from tactile_analysis.sources.arrays import read_archive_trials, read_array_trials
 
-    if len(leaves) == 1:
-        arrays = read_labelled_array(leaves[0], options)
-        if arrays is not None:
-            return arrays, []
-    return None, read_array_trials(leaves, options, notes)
+    if kind is SourceKind.ARRAY:
+        return read_array_trials(leaves, options, notes)
+    if len(leaves) > 1:
+        raise SourceError(f'take one archive at a time, not {_examples(leaves)}')
+    return read_archive_trials(leaves[0], options, notes)
 
 
 def _examples(leaves: Sequence[SourceFile]) -> str:

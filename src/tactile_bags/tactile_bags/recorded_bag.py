@@ -18,7 +18,7 @@ from tactile_bags.errors import BagDamageError
 from tactile_bags.experiment_journal import Correction, experiment_of, read_corrections
 from tactile_bags.message_records import KeptMessage, read_records, RECORDED_TYPES
 from tactile_bags.recorded_setup import nominal_rate_hz
-from tactile_bags.trial import mean_period_s, Signal, Trial
+from tactile_bags.trial import mean_period_s, NO_LABEL, Signal, Trial
 from tactile_features.config import round_rate
 from tactile_features.types import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_ros.strain import StrainStatus
@@ -214,7 +214,7 @@ class RecordedBag(TactileBag):
             return f'the trial was aborted: {last.message or "no reason given"}'
         if len(events) < 2:
             return 'the recording ends at its first event'
-        return '' if first.object_label else 'the trial has no label'
+        return '' if first.object_label else NO_LABEL
 
 
 def correct_bags(bags: Sequence[RecordedBag]) -> None:

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from tactile_classifier.types import WindowPrediction
 from tactile_features.types import TrialEvent
 
+NO_LABEL = 'the trial has no label'
+"""Reason why trials of our bags without a label are excluded."""
+
 
 @dataclass(frozen=True, eq=False)
 class Signal:
@@ -63,6 +66,9 @@ class Trial:
         Namespace of the finger, for bags of this package.
     why_not : str
         Reason why the trial is excluded from training and evaluation; empty if it is included.
+    is_faulty : bool
+        True if ``why_not`` describes a fault of the samples; False if the trial was excluded on
+        purpose, aborted, or has no label.
     columns : dict
         All known properties of the trial. The keys are names of columns.
     events : tuple of TrialEvent
@@ -80,6 +86,7 @@ class Trial:
     task: str = ''
     namespace: str = ''
     why_not: str = ''
+    is_faulty: bool = False
     columns: Mapping[str, Any] = field(default_factory=dict)
     events: tuple[TrialEvent, ...] = ()
     begin_ns: int | None = None

@@ -10,13 +10,12 @@ from typing import Any
 
 # Imported on first use: importing scikit-learn takes a second, and the node does not need it.
 _HOMES = {
-    'LabelledTrials': 'datasets.archive',
-    'load_archive': 'datasets.archive',
     'FeatureTable': 'datasets.dataset',
     'table_from_trials': 'datasets.dataset',
     'ClassifierError': 'errors',
     'DatasetError': 'errors',
     'EvaluationError': 'errors',
+    'NoFeaturesError': 'errors',
     'ModelFileError': 'errors',
     'CLASSIFIERS': 'types',
     'DEFAULT_SCALING': 'estimators.classifiers',

@@ -3,7 +3,7 @@
 
 """Exceptions for datasets, evaluation and model files."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from tactile_features.errors import ModelFileError as ModelFileError  # also used for features
@@ -15,6 +15,14 @@ class ClassifierError(Exception):
 
 class DatasetError(ClassifierError, ValueError):
     """The trials cannot be used as they are. A `ValueError`, as scikit-learn expects."""
+
+
+class NoFeaturesError(DatasetError):
+    """Some trials have no features; ``reasons`` maps their indices to the reasons."""
+
+    def __init__(self, message: str, reasons: Mapping[int, str]) -> None:
+        super().__init__(message)
+        self.reasons = reasons
 
 
 class TooFewTrialsError(DatasetError):

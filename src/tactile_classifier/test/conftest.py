@@ -3,7 +3,6 @@
 
 """Small tables of features with known answers, and models trained on them."""
 
-import os
 from pathlib import Path
 import sys
 
@@ -13,7 +12,6 @@ import pytest
 # What several test files share lies beside them and is no part of the package.
 sys.path.insert(0, str(Path(__file__).parent))
 
-from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -133,18 +131,3 @@ def make_window(small_table):
         return FeatureWindow(**{**fields, **changes})
 
     return make
-
-
-@pytest.fixture(scope='session')
-def load_recording():
-    """Return a function that loads a public recording; they are not part of the project."""
-    shared = Path(__file__).resolve().parents[4] / 'shared' / 'data'
-    folder = Path(os.environ.get('TACTILE_DATA', shared))
-
-    def load(name):
-        path = folder / name
-        if not path.exists():
-            pytest.skip(f'{name} is not in {folder}; set TACTILE_DATA to the folder that has it')
-        return load_archive(path)
-
-    return load

@@ -89,6 +89,6 @@ def trained(stiffness_bag, tmp_path_factory):
     from tactile_lab.commands.train import model_path
 
     folder = tmp_path_factory.mktemp('models')
-    for (task, contact), table in read_tables([stiffness_bag]).tables.items():
+    for (task, contact), table in read_tables([stiffness_bag]).items():
         write_model(model_path(folder, (task, contact)), train(table, 'knn'))
     return folder

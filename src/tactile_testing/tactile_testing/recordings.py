@@ -23,14 +23,31 @@ def check_source(load):
                 check_signal(trial)
                 np.testing.assert_array_equal(trial.signal.values, same.signal.values)
         counted = [trial for trial in recording.trials if not trial.why_not]
-        arrays = recording.to_arrays()
-        assert arrays.label.tolist() == [trial.label for trial in counted]
-        assert arrays.x.dtype == np.float64
-        assert arrays.x.shape[:2] == (len(counted), len(counted[0].signal.channels))
-        assert arrays.rate_hz > 0
+        x, labels, _ = recording.windows()
+        assert labels.tolist() == [trial.label for trial in counted]
+        assert x.dtype == np.float64
+        assert x.shape[:2] == (len(counted), len(counted[0].signal.channels))
+        assert recording.even().rate_hz > 0
         assert recording.to_table().num_rows == sum(
             trial.signal.values.shape[1] for trial in counted
         )
+
+
+class Archive:
+    """The arrays of an archive (``.npz``); ``columns`` are those with any other name."""
+
+    def __init__(self, path):
+        with np.load(path) as content:
+            arrays = dict(content)
+        self.x, self.label = arrays.pop('x'), arrays.pop('label')
+        self.rate_hz, self.unit = float(arrays.pop('rate_hz')), str(arrays.pop('unit', ''))
+        channels = [f'channel_{i}' for i in range(self.x.shape[1])]
+        self.channels = tuple(arrays.pop('channel_names', channels))
+        self.lengths = arrays.pop('length', np.full(len(self.x), self.x.shape[2]))
+        self.columns = arrays
+
+    def __len__(self):
+        return len(self.label)
 
 
 def describe(trial):

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.datasets.feature_tables import Key, name_table, RecordingFeatures
-from tactile_analysis.datasets.reading import select_features
+from tactile_analysis.datasets.feature_tables import compute_tables, Key, name_table, needs_speed
+from tactile_analysis.datasets.reading import Reading, select_features
+from tactile_analysis.trial_set import TrialSet
 from tactile_analysis.wording import format_nested, name_candidate
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
@@ -57,7 +58,8 @@ class Chosen:
 
 
 def choose_automatically(
-    features: RecordingFeatures,
+    trials: TrialSet,
+    reading: Reading,
     folds: int,
     random_state: int,
     say: Say,
@@ -77,7 +79,9 @@ def choose_automatically(
 
     Parameters
     ----------
-    features : RecordingFeatures
+    trials : TrialSet
+    reading : Reading
+        Task, channel and features; selection of training trials.
     folds, random_state : int
         Number and seed of random folds, which are used if no groups can be held out. The number
         is limited to the number of trials per label.
@@ -97,8 +101,7 @@ def choose_automatically(
     progress : callable
         Called as ``progress(done, total)`` after each part of the work.
     """
-    reading = features.reading
-    tables = _read_all(features, say) if any_set else _read_stated(features)
+    tables = _read_all(trials, reading, say) if any_set else _read_stated(trials, reading)
     joined = []
     for keys in _list_partners(tables):
         of_keys = {
@@ -256,17 +259,15 @@ def find_sessions(table: FeatureTable) -> tuple[str, ...]:
     return ()
 
 
-def _read_stated(features: RecordingFeatures) -> dict[Key, dict[str, FeatureTable]]:
-    found = {
-        key: select_features(table, features.reading.features)
-        for key, table in features.tables().tables.items()
-    }
+def _read_stated(trials: TrialSet, reading: Reading) -> dict[Key, dict[str, FeatureTable]]:
+    tables, _ = compute_tables(trials, reading)
+    found = {key: select_features(table, reading.features) for key, table in tables.items()}
     for table in found.values():
         check_size(table)
     return {key: {table.spec.feature_set: table} for key, table in found.items()}
 
 
-def _read_all(features: RecordingFeatures, say: Say) -> dict[Key, dict[str, FeatureTable]]:
+def _read_all(trials: TrialSet, reading: Reading, say: Say) -> dict[Key, dict[str, FeatureTable]]:
     """Return the tables of all feature sets that have features for the same trials.
 
     Feature sets over distance are left out without a message if no sliding speeds are recorded.
@@ -274,8 +275,9 @@ def _read_all(features: RecordingFeatures, say: Say) -> dict[Key, dict[str, Feat
     tables: dict[Key, dict[str, FeatureTable]] = {}
     sets = (list_feature_sets(PHASE_GLIDE), list_feature_sets(PHASE_HOLD))
     for glide, hold in zip_longest(*sets):
-        needs_speed = glide and getattr(find_feature_set(glide), 'needs_speed', False)
-        if needs_speed and not (features.has_speeds and _state_speeds(tables)):
+        is_spatial = glide and getattr(find_feature_set(glide), 'needs_speed', False)
+        has_speeds = trials.is_own or needs_speed(reading)
+        if is_spatial and not (has_speeds and _state_speeds(tables)):
             if hold is None:
                 continue
             glide = None
@@ -284,11 +286,11 @@ def _read_all(features: RecordingFeatures, say: Say) -> dict[Key, dict[str, Feat
             'stiffness_features': hold or sets[1][0],
         }
         try:
-            found = features.tables(fields)
+            found, left_out = compute_tables(trials, reading, fields)
         except DatasetError as error:
             say(f'left out: {error}')
             continue
-        for key, table in found.tables.items():
+        for key, table in found.items():
             try:
                 check_size(table)
             except DatasetError as error:
@@ -299,7 +301,7 @@ def _read_all(features: RecordingFeatures, say: Say) -> dict[Key, dict[str, Feat
             if np.array_equal(table.column('trial_id'), first.column('trial_id')):
                 others.setdefault(table.spec.feature_set, table)
             else:
-                reason = f'; {found.left_out[0]}' if found.left_out else ''
+                reason = f'; {left_out[0]}' if left_out else ''
                 say(
                     f'{table.spec.feature_set} left out: it has features for {len(table)} '
                     f'trials, {first.spec.feature_set} for {len(first)}{reason}'

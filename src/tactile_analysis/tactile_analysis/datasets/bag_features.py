@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,12 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_analysis.datasets.feature_tables import (
-    FeatureTables,
     Fields,
     Key,
-    name_table,
-    RecordingFeatures,
-    Samples,
+    Tables,
 )
 from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.trial_set import TrialSet
@@ -28,7 +25,6 @@ from tactile_bags.experiment_journal import Correction
 from tactile_bags.recorded_bag import RecordedBag
 from tactile_bags.recorded_setup import computable_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
-from tactile_bags.trial import Trial
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_features.errors import FeatureError
@@ -49,92 +45,64 @@ Row = tuple[FeatureWindow, TrialEvent, str, str]
 """A labelled window, the last event of its trial before the window, bag and namespace."""
 
 
-class BagFeatures(RecordingFeatures):
-    """Features of bags with trial events, of all fingers (namespaces) in each bag."""
-
-    def __init__(self, recording: TrialSet, reading: Reading) -> None:
-        super().__init__(recording, reading)
-        reading.check_for_bags()
-        self._fields = reading.choose_fields()
-        self._bags = {str(bag.path): bag for bag in recording.bags}
-
-    def title(self, key: Key, table: FeatureTable) -> str:
-        return name_table(key, table)
-
-    def _compute(self, fields: Fields) -> FeatureTables:
-        chosen = {**self._fields, **fields}
-        first: RecordedFeatures | None = None
-        found: defaultdict[tuple[str, str, str], list[Row]] = defaultdict(list)
-        specs: dict[str, FeatureSpec] = {}
-        refused: Counter[tuple[str, str, str]] = Counter()
-        left_out: list[str] = []
-        paths = list(self._bags)
-        for path, bag in self._bags.items():
-            for namespace in bag.namespaces:
-                features = _choose(path, computable_features(bag, namespace), chosen, self.reading)
-                first = first or features
-                if _compared(features) != _compared(first):
-                    finger = f'{namespace} of ' if namespace else ''
-                    raise BagError(
-                        f'{finger}{path} was recorded with other feature parameters than '
-                        f'{paths[0]}: train on each of them separately, or give --features'
-                    )
-                specs |= _collect(
-                    self.recording, bag, namespace, features, found, refused, left_out
+def compute_bag_tables(
+    trials: TrialSet, reading: Reading, fields: Fields
+) -> tuple[Tables, tuple[str, ...]]:
+    """Return the feature tables of all fingers (namespaces) of bags; see `compute_tables`."""
+    chosen = {**reading.choose_fields(), **fields}
+    first: RecordedFeatures | None = None
+    found: defaultdict[tuple[str, str, str], list[Row]] = defaultdict(list)
+    specs: dict[str, FeatureSpec] = {}
+    refused: Counter[tuple[str, str, str]] = Counter()
+    left_out: list[str] = []
+    bags = {str(bag.path): bag for bag in trials.bags}
+    paths = list(bags)
+    for path, bag in bags.items():
+        for namespace in bag.namespaces:
+            features = _choose(path, computable_features(bag, namespace), chosen, reading)
+            first = first or features
+            if _compared(features) != _compared(first):
+                finger = f'{namespace} of ' if namespace else ''
+                raise BagError(
+                    f'{finger}{path} was recorded with other feature parameters than '
+                    f'{paths[0]}: train on each of them separately, or give --features'
                 )
+            specs |= _collect(trials, bag, namespace, features, found, refused, left_out)
+    if not found:
+        raise BagError(
+            f'no labelled trial with features in {", ".join(paths) or "no bag"}'
+            + (f'; the first reason: {left_out[0]}' if left_out else '')
+        )
+    if reading.window_s is not None:
+        full = {key for key in found if not specs[key[2]].is_early}
+        for unwanted in full:
+            del found[unwanted]
         if not found:
-            raise BagError(
-                f'no labelled trial with features in {", ".join(paths) or "no bag"}'
-                + (f'; the first reason: {left_out[0]}' if left_out else '')
-            )
-        if self.reading.window_s is not None:
-            full = {key for key in found if not specs[key[2]].is_early}
-            for unwanted in full:
-                del found[unwanted]
-            if not found:
-                names = ', '.join(sorted({specs[digest].feature_set for *_, digest in full}))
-                raise DatasetError(f'{names}: early windows are not possible')
-        tables: dict[Key, FeatureTable] = {}
-        refusals: dict[Key, int] = {}
-        places = {digest: place for place, digest in enumerate(specs)}
-        for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):
-            key: Key = (task, contact)
-            key = (*key, digest) if key in tables else key
-            tables[key] = self._add_specimens(_table(found[task, contact, digest], specs[digest]))
-            refusals[key] = refused[task, contact, digest]
-        return FeatureTables(tables, tuple(dict.fromkeys(left_out)), refusals)
+            names = ', '.join(sorted({specs[digest].feature_set for *_, digest in full}))
+            raise DatasetError(f'{names}: early windows are not possible')
+    tables: Tables = {}
+    places = {digest: place for place, digest in enumerate(specs)}
+    for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):
+        key: Key = (task, contact)
+        key = (*key, digest) if key in tables else key
+        table = _add_specimens(_table(found[task, contact, digest], specs[digest]), bags)
+        tables[key] = replace(table, refused=refused[task, contact, digest])
+    return tables, tuple(dict.fromkeys(left_out))
 
-    def _add_specimens(self, table: FeatureTable) -> FeatureTable:
-        """Return the table with a column of specimens, if an experiment's journal names any.
 
-        Trials without a specimen count as one more specimen of their label.
-        """
-        names = [
-            self._bags[bag].corrections.get(trial, Correction()).specimen
-            for bag, trial in _list_rows(table, 'bag', 'trial_id')
-        ]
-        if not any(names):
-            return table
-        specimens = np.where(np.array(names) == '', table.labels, names)
-        return replace(table, columns={**table.columns, 'specimen': specimens})
+def _add_specimens(table: FeatureTable, bags: Mapping[str, RecordedBag]) -> FeatureTable:
+    """Return the table with a column of specimens, if an experiment's journal names any.
 
-    def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
-        trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
-        samples = []
-        for path, namespace, start_ns, end_ns in (trials[row] for row in rows):
-            signal = self._bags[path].signal_between(namespace, start_ns, end_ns)
-            assert signal.time_s is not None
-            samples.append((signal.time_s, signal.values[0]))
-        return samples
-
-    def find_trial(self, table: FeatureTable, row: int) -> Trial | None:
-        path, namespace, name = _list_rows(table, 'bag', 'namespace', 'trial_id')[row]
-        found = [
-            trial
-            for trial in self.recording.trials
-            if (trial.source, trial.namespace, trial.name) == (path, namespace, name)
-        ]
-        return found[0] if len(found) == 1 else None  # ambiguous
+    Trials without a specimen count as one more specimen of their label.
+    """
+    names = [
+        bags[bag].corrections.get(trial, Correction()).specimen
+        for bag, trial in _list_rows(table, 'bag', 'trial_id')
+    ]
+    if not any(names):
+        return table
+    specimens = np.where(np.array(names) == '', table.labels, names)
+    return replace(table, columns={**table.columns, 'specimen': specimens})
 
 
 def _list_rows(table: FeatureTable, *names: str) -> list[tuple[Any, ...]]:
@@ -192,10 +160,10 @@ def _collect(
         excluded = ''
         if trials.is_changed:
             place = str(bag.path), namespace, window.trial_id
-            known = trials.find_window(*place, window.window_start_ns)
-            if known is None:
+            trial = trials.find_window(*place, window.window_start_ns)
+            if trial is None:
                 continue
-            trial, excluded = known
+            excluded = trial.why_not
             event = replace(event, object_label=trial.label)
         end = _end_after(window, events[window.trial_id])
         # The task follows from the features: a trial may have a window of the other protocol.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 import re
 from typing import Any
@@ -16,17 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_analysis.datasets.bag_features import event_before
-from tactile_analysis.datasets.feature_tables import prepare_trials, speeds_of
+from tactile_analysis.datasets.feature_tables import prepare, speeds_of
 from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.trial_set import TrialSet
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
-from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_bags.trial import Signal
+from tactile_classifier.datasets.dataset import name_channel
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.model_file.model import Prediction, TactileModel
 from tactile_classifier.model_set import ModelSet
 from tactile_classifier.types import NO_ANSWER
-from tactile_features.spec import ALL
+from tactile_features.spec import ALL, MEAN
 from tactile_features.types import TrialEvent
 from tactile_ros.errors import TactileError
 
@@ -106,15 +107,12 @@ def classify_recording(
             f'the models in {models} are for {named}, and the task of {recording.name} is '
             'unknown: give one model file with --model'
         )
-    trials = recording.to_arrays(needs_label=False, skip_bad=True)
-    trials = prepare_trials(trials, reading)
-    skipped = tuple(f'left out: row {each.row}: {each.reason}' for each in trials.skipped)
+    trials = prepare(recording, replace(reading, skip_bad=True), needs_label=False)
+    skipped = tuple(f'left out: {sentence}' for sentence in trials.skipped)
     found = tuple(
-        each
-        for model in loaded.models
-        for each in _classify_trials(recording, trials, model, reading)
+        each for model in loaded.models for each in _classify_trials(trials, model, reading)
     )
-    return ClassifiedTrials(found, (*loaded.refused, *trials.steps, *skipped))
+    return ClassifiedTrials(found, (*loaded.refused, *trials.notes, *skipped))
 
 
 def _classify_bags(recording: TrialSet, models: ModelSet) -> Iterator[ClassifiedTrial]:
@@ -134,36 +132,32 @@ def _classify_bags(recording: TrialSet, models: ModelSet) -> Iterator[Classified
                     known = recording.find_window(*place, window.window_start_ns)
                     if known is None:
                         continue
-                    label = known[0].label
+                    label = known.label
                 for model in models.find(window):
                     answer = model.answer(window)
                     yield ClassifiedTrial(window.trial_id, str(bag.path), label, model, answer)
 
 
 def _classify_trials(
-    recording: TrialSet, trials: LabelledTrials, model: TactileModel, reading: Reading
+    trials: TrialSet, model: TactileModel, reading: Reading
 ) -> Iterator[ClassifiedTrial]:
     _check_unit(trials, model)
-    signals = _channel_of(trials, model, reading)
-    speeds_m_s: NDArray[np.float64] = np.zeros(len(trials))
+    included = trials.included
+    speeds_m_s: NDArray[np.float64] = np.zeros(len(included))
     if reading.speed_column is not None:
         speeds_m_s = speeds_of(trials, reading.speed_column)
-    names = trials.columns.get('trial', trials.rows).astype(str)
-    sources = trials.columns.get('source', np.full(len(trials), str(recording.paths[0])))
-    for i, signal in enumerate(signals):
+    for trial, speed_m_s in zip(included, speeds_m_s.tolist(), strict=True):
+        signal = trial.signal
+        assert signal.rate_hz is not None, 'the set is even'
+        samples = _take_channel(signal, model, reading)
         try:
-            answer = model.classify(
-                signal[..., : trials.lengths[i]],
-                trials.rate_hz,
-                speed_m_s=float(speeds_m_s[i]),
-                cut=True,
-            )
+            answer = model.classify(samples, signal.rate_hz, speed_m_s=speed_m_s, cut=True)
         except DatasetError as error:
             answer = Prediction(NO_ANSWER, str(error))
-        yield ClassifiedTrial(str(names[i]), str(sources[i]), str(trials.label[i]), model, answer)
+        yield ClassifiedTrial(trial.name, trial.source, trial.label, model, answer)
 
 
-def _check_unit(trials: LabelledTrials, model: TactileModel) -> None:
+def _check_unit(trials: TrialSet, model: TactileModel) -> None:
     unit = trials.unit or 'N'
     if not any(re.search(rf'(?<!\w){re.escape(unit)}(?!\w)', each) for each in model.spec.units):
         raise TactileError(
@@ -172,25 +166,23 @@ def _check_unit(trials: LabelledTrials, model: TactileModel) -> None:
         )
 
 
-def _channel_of(
-    trials: LabelledTrials, model: TactileModel, reading: Reading
-) -> NDArray[np.float64]:
-    """Return the signals of the model's channel, shape (trials, n); (trials, channels, n): all."""
-    channel = model.spec.channel
+def _take_channel(signal: Signal, model: TactileModel, reading: Reading) -> NDArray[np.float64]:
+    """Return the samples of the model's channel, shape (n,); of all channels: (channels, n)."""
+    channel, names = model.spec.channel, signal.channels
     if reading.channel:
-        asked = trials.name_channel(reading.channel)
-        if channel and len(trials.channels) > 1 and asked != channel:
+        asked = name_channel(reading.channel, names)
+        if channel and len(names) > 1 and asked != channel:
             raise TactileError(
                 f'model {model.model_id} was trained on channel {channel}, but --channel is '
                 f'{reading.channel}: omit the option'
             )
         channel = asked
-    if len(trials.channels) == 1 and channel != ALL:
-        return trials.signal(0)
-    name = trials.name_channel(channel or '0')
-    if name == ALL:
-        return np.asarray(trials.x, dtype=np.float64)
-    return trials.signal(name)
+    if len(names) == 1 and channel != ALL:
+        channel = names[0]
+    name = name_channel(channel or 0, names)
+    if name == MEAN:
+        return np.asarray(signal.values.mean(axis=0))
+    return signal.values if name == ALL else np.asarray(signal.values[names.index(name)])
 
 
 def count_right(found: Sequence[ClassifiedTrial]) -> tuple[int, int]:

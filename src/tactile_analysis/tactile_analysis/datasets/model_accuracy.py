@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_analysis.datasets.feature_tables import features_of
+from tactile_analysis.datasets.feature_tables import compute_tables, prepare
 from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.trial_set import TrialSet
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -235,10 +235,11 @@ def _read_table(
             channel=reading.channel or spec.channel or None,
             window_s=spec.sample_count / spec.rate_hz if spec.is_early else None,
         )
-    found = features_of(recording, reading).tables(spec.config_values())
-    for table in found.tables.values():
+    trials = prepare(recording, reading)
+    tables, left_out = compute_tables(trials, reading, spec.config_values())
+    for table in tables.values():
         model.check_fits(table.spec)
-    return _join(list(found.tables.values())), found.left_out
+    return _join(list(tables.values())), left_out
 
 
 def _join(tables: list[FeatureTable]) -> FeatureTable:

@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactile_analysis.options import TrialOptions
 from tactile_analysis.trial_set import Columns, select_trials
-from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Split, stated_split
 from tactile_features.config import FeatureConfig
@@ -22,8 +21,6 @@ from tactile_features.feature_sets.registry import CHOOSER, find_feature_set
 from tactile_features.feature_sets.texture_spatial import SpatialWindow
 from tactile_features.types import PHASE_GLIDE, SET_TEXTURE_SPATIAL
 from tactile_ros.errors import TactileError
-
-Trials = TypeVar('Trials', LabelledTrials, FeatureTable)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,10 +98,10 @@ class Reading(TrialOptions):
         chosen = self.select_stated(table.columns)
         return table if chosen is None else table.take(chosen[0])
 
-    def keep_stated(self, trials: Trials) -> Trials:
+    def keep_stated(self, table: FeatureTable) -> FeatureTable:
         """Return the training and test trials, or all trials if none are selected."""
-        chosen = self.select_stated(trials.columns)
-        return trials if chosen is None else trials.take(chosen[0] | chosen[1])
+        chosen = self.select_stated(table.columns)
+        return table if chosen is None else table.take(chosen[0] | chosen[1])
 
     def splits(self, table: FeatureTable) -> tuple[Split, ...]:
         """Return the split into training and test trials; empty if they are not selected.
@@ -173,7 +170,7 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
         names=tuple(table.spec.names[i] for i in chosen),
         units=tuple(table.spec.units[i] for i in chosen),
     )
-    return FeatureTable(table.values[:, chosen], table.labels, spec, table.columns)
+    return replace(table, values=table.values[:, chosen], spec=spec)
 
 
 def parse_span(text: str) -> tuple[float, float]:

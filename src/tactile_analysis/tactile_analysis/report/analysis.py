@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TYPE_CHECKING, TypeVar
 
@@ -96,7 +96,7 @@ class SetResult:
     @property
     def end_to_end(self) -> float:
         """The accuracy of the headline with refused trials counted as wrong [1]."""
-        return self.headline.mean * self.tested / (self.tested + self.recordings.refused)
+        return self.headline.mean * self.tested / (self.tested + self.recordings.table.refused)
 
     @property
     def name(self) -> str:
@@ -127,7 +127,7 @@ class SetResult:
             'features': list(spec.names),
             'feature_choice': recordings.choice and recordings.choice.choice.to_dict(),
             'headline': self.headline.to_dict() if recordings.choice else None,
-            'refused': recordings.refused,
+            'refused': recordings.table.refused,
             'end_to_end': self.end_to_end if recordings.choice else None,
             'permuted': self.permuted and self.permuted.to_dict(),
             'learning_curve': self.curve and self.curve.to_dict(),
@@ -147,7 +147,7 @@ class SetResult:
             'answers': self.answers and self.answers.to_dict(),
             'not_done': list(self.not_done),
             'prepared': list(recordings.steps),
-            'skipped': [asdict(each) for each in recordings.skipped],
+            'skipped': list(recordings.skipped),
         }
 
 

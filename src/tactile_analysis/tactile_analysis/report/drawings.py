@@ -23,7 +23,6 @@ from tactile_analysis.plots import (
     UNKNOWN_UNITS,
 )
 from tactile_analysis.report.analysis import SetResult
-from tactile_analysis.report.recordings import TrialExample
 from tactile_analysis.report.significance import (
     Components,
     find_components,
@@ -49,6 +48,7 @@ from tactile_analysis.report.svg import (
     render,
     WIDTH_IN,
 )
+from tactile_bags.trial import Trial
 from tactile_classifier.evaluation.cross_validation import Score
 from tactile_classifier.evaluation.learning_curve import LearningCurve
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
@@ -243,9 +243,10 @@ def draw_signals(result: SetResult) -> Iterable[Drawing]:
     components = find_components(recordings.table.spec)
     if recordings.examples and components is not None:
         yield draw_textures(result, components)
-    if recordings.trial is not None:
-        yield draw_trial(result, recordings.trial)
     if recordings.examples and result.of_holds:
+        steepest = min(recordings.examples, key=lambda each: recordings.table.values[each.row, 0])
+        if steepest.trial is not None and steepest.trial.phases:
+            yield draw_trial(result, steepest.row, steepest.trial)
         yield draw_holds(result)
 
 
@@ -256,12 +257,13 @@ def draw_textures(result: SetResult, components: Components) -> Drawing:
     factor, unit = (1e3, 'mN') if recordings.unit == 'N' else (1.0, recordings.unit)
     rows = [each.row for each in recordings.examples]
     amplitudes = factor * table.values[rows][:, components.columns]
-    signals = [factor * (each.signal - each.signal.mean()) for each in recordings.examples]
+    windows = [each.window.values[0] for each in recordings.examples]
+    signals = [factor * (values - values.mean()) for values in windows]
 
     def draw(figure: Figure) -> None:
         left, right = figure.subplots(len(rows), 2, sharex='col', sharey='col', squeeze=False).T
         for i, example in enumerate(recordings.examples):
-            left[i].plot(example.time_s, signals[i], color=TRACE_COLOUR, lw=0.8)
+            left[i].plot(example.window.time_s, signals[i], color=TRACE_COLOUR, lw=0.8)
             left[i].set_ylabel(table.labels[example.row], rotation=0, ha='right', va='center')
             left[i].grid(alpha=0.2, lw=0.5)
             draw_spectrum(right[i], components.frequency, amplitudes[i])
@@ -293,13 +295,16 @@ def draw_holds(result: SetResult) -> Drawing:
     examples = recordings.examples
     columns = min(3, len(examples))
     rows = -(-len(examples) // columns)
-    lines = [np.polynomial.Polynomial.fit(each.time_s, each.signal, 1) for each in examples]
+    windows = [(np.asarray(each.window.time_s), each.window.values[0]) for each in examples]
+    lines = [np.polynomial.Polynomial.fit(*window, 1) for window in windows]
 
     def draw(figure: Figure) -> None:
         grid = np.ravel(figure.subplots(rows, columns, sharex=True, squeeze=False))
-        for axes, example, line in zip(grid, examples, lines, strict=False):
-            axes.plot(example.time_s, example.signal, color=TRACE_COLOUR, lw=0.9)
-            axes.plot(example.time_s, line(example.time_s), color=MARK_COLOUR, lw=1)
+        for axes, example, (time_s, values), line in zip(
+            grid, examples, windows, lines, strict=False
+        ):
+            axes.plot(time_s, values, color=TRACE_COLOUR, lw=0.9)
+            axes.plot(time_s, line(time_s), color=MARK_COLOUR, lw=1)
             axes.set_title(table.labels[example.row])
             axes.grid(alpha=0.2, lw=0.5)
         for axes in grid[len(examples) :]:
@@ -323,28 +328,39 @@ def draw_holds(result: SetResult) -> Drawing:
     )
 
 
-def draw_trial(result: SetResult, trial: TrialExample) -> Drawing:
-    """Draw one stiffness trial with its phases."""
-    table = result.recordings.table
+def draw_trial(result: SetResult, row: int, trial: Trial) -> Drawing:
+    """Draw one stiffness trial with its phases; ``row`` is its row in the table of features."""
+    table, signal = result.recordings.table, trial.signal
+    time_s = np.asarray(signal.time_s)
+    assert trial.begin_ns is not None
+    start_s, end_s = (
+        (int(table.column(name)[row]) - trial.begin_ns) * 1e-9
+        for name in ('window_start_ns', 'window_end_ns')
+    )
     names = [short_name(name) for name in table.spec.names]
-    named = dict(zip(names, table.values[trial.row], strict=True))
+    named = dict(zip(names, table.values[row], strict=True))
     line = (named['slope'], named['intercept']) if {'slope', 'intercept'} <= set(named) else None
 
     def draw(figure: Figure) -> None:
         draw_strain(
-            figure.subplots(), trial.time_s, trial.tension_n, trial.phases, trial.window_s, line
+            figure.subplots(),
+            time_s,
+            signal.values[0],
+            trial.phases,
+            (start_s, end_s),
+            line,
         )
 
-    found = _format_values(table.spec, table.values[trial.row])
+    found = _format_values(table.spec, table.values[row])
     phases = ', '.join(f'{name} from {start:.1f} s' for name, start, _ in trial.phases)
     return render(
         draw,
         (WIDTH_IN, 3.1),
         f'{result.recordings.title}: tension over time of one trial on '
-        f'{table.labels[trial.row]}. Phases: in contact the tendon is pulled (dynamic '
+        f'{table.labels[row]}. Phases: in contact the tendon is pulled (dynamic '
         'deformation), in hold it is still (static deformation), in release it is slackened. The '
         f'features come from the window between the dashed lines: {found}.',
-        f'Tension of one trial on {table.labels[trial.row]}: up to {np.max(trial.tension_n):.3g} '
+        f'Tension of one trial on {table.labels[row]}: up to {np.max(signal.values):.3g} '
         f'N; {phases}. Features of the window: {found}.',
         simulated=result.recordings.simulated,
     )

@@ -209,7 +209,7 @@ def format_accuracy(result: SetResult) -> str:
             f'chosen on trials that are not tested); chance {100 * result.stated.chance:.1f} %'
         )
     parts = [accuracy, f'balanced accuracy {100 * score.balanced_accuracy:.1f} %']
-    if refused := result.recordings.refused:
+    if refused := result.recordings.table.refused:
         parts.append(
             f'with {refused} refused trials counted as wrong {100 * result.end_to_end:.1f} %'
         )

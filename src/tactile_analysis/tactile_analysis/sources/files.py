@@ -29,11 +29,12 @@ class ImportNotes:
     """Sentences about assumptions that were made, without repetitions.
 
     ``no_label`` is the error about missing labels, with its remedy; None if all trials have
-    labels.
+    labels. ``rate_from_stamps`` is True if the rate of a trial was computed from its stamps.
     """
 
     lines: list[str] = field(default_factory=list)
     no_label: SourceError | None = None
+    rate_from_stamps: bool = False
 
     def add(self, sentence: str) -> None:
         """Add a sentence, unless it was added before."""

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from tactile_analysis.options import SourceError, SourceOptions
 from tactile_analysis.sources.files import ambiguity, ImportNotes, name_labels, SourceFile
-from tactile_analysis.sources.raw_trials import RawTrial
+from tactile_analysis.sources.signals import make_trial
 from tactile_bags.bag_reader import TactileBag
+from tactile_bags.trial import Trial
 from tactile_ros.message_classes import time_from_msg
 from tactile_ros.topics import JOINT_STATE, STRAIN, WRENCH
 
@@ -29,7 +30,7 @@ _WRENCH_FIELDS = tuple(f'{part}.{axis}' for part in ('force', 'torque') for axis
 
 def read_bag_trials(
     leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
-) -> list[RawTrial]:
+) -> list[Trial]:
     """Read bags with one trial each.
 
     Times are the stamps in the headers of the messages, or arrival times for messages without a
@@ -58,7 +59,18 @@ def read_bag_trials(
         time_s = (stamps_ns - stamps_ns[0]) * 1e-9
         known = {**columns, 'source': leaf.name}
         units = tuple(_unit(found[0], field) for field in fields)
-        trials.append(RawTrial(leaf.name, values, time_s, known, tuple(fields), units))
+        trials.append(
+            make_trial(
+                leaf.name,
+                values,
+                time_s,
+                known,
+                options,
+                notes,
+                channels=tuple(fields),
+                units=units,
+            )
+        )
     notes.add(f'used {", ".join(fields)} of the messages on {topic}; each bag is one trial')
     return trials
 

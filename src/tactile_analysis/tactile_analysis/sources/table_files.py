@@ -25,7 +25,7 @@ import pyarrow.parquet
 
 from tactile_analysis.options import SourceError, SourceOptions
 from tactile_analysis.sources.files import decode_text
-from tactile_analysis.sources.raw_trials import join_columns
+from tactile_analysis.sources.signals import join_columns
 from tactile_bags.trial import Trial
 
 MAX_TABLE_BYTES = 2**30
@@ -315,7 +315,7 @@ def build_long_table(trials: Sequence[tuple[Trial, str]], rate_hz: float | None)
     if any(signal.time_s is None for signal in signals):
         raise SourceError('the recordings have no times, so the sample rate is unknown: --rate-hz')
     counts = [signal.values.shape[1] for signal in signals]
-    known = join_columns([({**t.columns, 'label': t.label}, name) for t, name in trials])
+    known = join_columns(trials)
     names = [*(n for n in _FIRST if n in known), *(n for n in known if n not in _FIRST)]
     of_trial = [n for n in names if n in _FIRST]
     others = [n for n in names if n not in _FIRST]

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from tactile_analysis.options import SourceError, SourceOptions
 from tactile_analysis.sources.files import find_group_word, ImportNotes, name_labels, SourceFile
-from tactile_analysis.sources.raw_trials import RawTrial
+from tactile_analysis.sources.signals import make_trial, NEWTONS
 from tactile_analysis.sources.table_files import read_table, Table
-from tactile_classifier.datasets.archive import NEWTONS
+from tactile_bags.trial import Trial
 
 NAMES: Mapping[str, frozenset[str]] = {
     'time': frozenset(('t', 'time', 'timestamp', 'stamp')),
@@ -76,14 +76,14 @@ def split_unit(name: str) -> tuple[str, str]:
 
 def read_table_trials(
     leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
-) -> list[RawTrial]:
+) -> list[Trial]:
     """Read the trials of CSV and Parquet files.
 
     A file with a column of trials contains several trials; any other file is one trial. Labels
     that no column states are taken from the names of file or folder, see `name_labels`. Raises
     `SourceError` for a column whose meaning is unknown.
     """
-    trials: list[RawTrial] = []
+    trials: list[Trial] = []
     named: list[dict[str, str]] = []
     roles: Roles | None = None
     columns: tuple[str, ...] = ()
@@ -99,7 +99,7 @@ def read_table_trials(
             known = named[i]
             if notes.no_label is not None and i == 0:
                 notes.no_label = SourceError(f'{notes.no_label}{_propose_label(table, roles)}')
-        trials += _cut_trials(table, roles, leaf, known, notes)
+        trials += _cut_trials(table, roles, leaf, known, options, notes)
     return trials
 
 
@@ -116,8 +116,13 @@ def _propose_label(table: Table, roles: Roles) -> str:
 
 
 def _cut_trials(
-    table: Table, roles: Roles, leaf: SourceFile, known: Mapping[str, str], notes: ImportNotes
-) -> list[RawTrial]:
+    table: Table,
+    roles: Roles,
+    leaf: SourceFile,
+    known: Mapping[str, str],
+    options: SourceOptions,
+    notes: ImportNotes,
+) -> list[Trial]:
     for name in roles.values:
         _check_numeric(table, name)
     values = np.stack([table.columns[name].astype(np.float64) for name in roles.values])
@@ -143,7 +148,17 @@ def _cut_trials(
         name = '/'.join(map(str, key)) or leaf.name
         times = None if time_s is None else time_s[rows]
         found.append(
-            RawTrial(name, values[:, rows], times, columns, roles.values, units, table.rate_hz)
+            make_trial(
+                name,
+                values[:, rows],
+                times,
+                columns,
+                options,
+                notes,
+                channels=roles.values,
+                units=units,
+                rate_hz=table.rate_hz,
+            )
         )
     if 'label' in varying:
         raise SourceError(

@@ -50,7 +50,7 @@ def test_exact_names_with_units_are_taken_in_any_order(
     options = SourceOptions(label='pla')
     if max(map(abs, values)) * UNITS[unit] > 1e6:
         with pytest.raises(SourceError, match='tendons carry'):
-            TrialSet.load(path, options)
+            TrialSet.load(path, options).windows()
         return
     recording = TrialSet.load(path, options)
     (trial,) = recording.trials

@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.datasets.archive import Channel, LabelledTrials
 from tactile_classifier.datasets.copies import digest_rows, find_copies
-from tactile_classifier.errors import DatasetError
+from tactile_classifier.errors import DatasetError, NoFeaturesError
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.feature_sets.registry import find_feature_set, task_of
-from tactile_features.spec import ALL, FeatureSpec
+from tactile_features.spec import ALL, FeatureSpec, MEAN
 
 _CHANNEL = 'channel_'
 
@@ -42,6 +41,8 @@ class FeatureTable:
         Metadata of each trial, such as ``trial_id``, ``session_id``, ``contact`` and
         ``simulated``. A column ``session`` is renamed to ``session_id`` if there is no column of
         that name. ``mounting`` is renamed to ``mounting_id`` in the same way.
+    refused : int
+        Number of labelled trials that are missing because they have no features.
 
     Raises
     ------
@@ -53,6 +54,7 @@ class FeatureTable:
     labels: npt.NDArray[Any]
     spec: FeatureSpec
     columns: Mapping[str, npt.NDArray[Any]] = dataclasses.field(default_factory=dict)
+    refused: int = 0
 
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values, dtype=np.float64)
@@ -123,11 +125,11 @@ class FeatureTable:
 
     def take(self, keep: npt.NDArray[Any]) -> FeatureTable:
         """Return the trials that a mask or an index array selects."""
-        return FeatureTable(
-            self.values[keep],
-            self.labels[keep],
-            self.spec,
-            {name: column[keep] for name, column in self.columns.items()},
+        return dataclasses.replace(
+            self,
+            values=self.values[keep],
+            labels=self.labels[keep],
+            columns={name: column[keep] for name, column in self.columns.items()},
         )
 
     def compute_sha256(self) -> str:
@@ -181,30 +183,57 @@ def plain_name(column: str) -> str:
     return _TITLES.get(column, column)
 
 
+def name_channel(channel: int | str, channels: Sequence[str]) -> str:
+    """Return the name of a channel, `MEAN` or `ALL`.
+
+    ``channel`` is a name, an index from 0, `MEAN` or `ALL`. Raises DatasetError when there is no
+    such channel.
+    """
+    name = str(channel)
+    if name in (MEAN, ALL, *channels):
+        return name
+    if name.isdecimal() and int(name) < len(channels):
+        return channels[int(name)]
+    raise DatasetError(
+        f'there is no channel {name}; the {len(channels)} channels are {", ".join(channels)}: '
+        f'give a name, a number from 0, "{MEAN}" or "{ALL}"'
+    )
+
+
 def table_from_trials(
     task: str,
-    trials: LabelledTrials,
-    channel: Channel = 0,
+    x: npt.ArrayLike,
+    labels: npt.ArrayLike,
+    rate_hz: float,
+    channel: int | str = 0,
     *,
+    channels: Sequence[str] = (),
+    unit: str = '',
+    columns: Mapping[str, npt.NDArray[Any]] | None = None,
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> FeatureTable:
     """Compute the features of trials that are already cut, for one channel or all channels.
 
-    The units of the features follow from the unit of the trials; if it is unknown, newton is
-    assumed. If ``trials.skip_bad`` is set, trials without features are left out; `usable_table`
-    also returns which trials remain.
-
     Parameters
     ----------
     task : str
         ``texture`` or ``stiffness``.
-    trials : LabelledTrials
-        Each trial is one window: cut the trials with `LabelledTrials.between` first. If the
-        feature set is over distance, the middle of each trial is used.
+    x : array_like of shape (trials, channels, samples)
+        Signals; each trial is one window. If the feature set is over distance, the middle of each
+        trial is used.
+    labels : array_like of str, shape (trials,)
+    rate_hz : float
+        Sample rate [Hz].
     channel : int or str
         Index of the channel, from 0, or its name. ``'all'`` concatenates the features of all
         channels; ``'mean'`` uses the mean of all channels.
+    channels : sequence of str
+        Names of the channels. Default: ``channel_0`` and so on.
+    unit : str
+        Unit of the signals. If unknown, newton is assumed for the units of the features.
+    columns : mapping of str to ndarray of shape (trials,), optional
+        Metadata for `FeatureTable`.
     config : FeatureConfig, optional
         Feature set and options; default values if omitted.
     speeds_m_s : ndarray of shape (trials,), optional
@@ -213,46 +242,36 @@ def table_from_trials(
     Raises
     ------
     DatasetError
-        If the channel does not exist, or if a trial has no features and ``skip_bad`` is not set.
+        If the channel does not exist.
+    NoFeaturesError
+        If single trials have no features.
     """
-    return usable_table(task, trials, channel, config=config, speeds_m_s=speeds_m_s)[0]
-
-
-def usable_table(
-    task: str,
-    trials: LabelledTrials,
-    channel: Channel = 0,
-    *,
-    config: FeatureConfig | None = None,
-    speeds_m_s: npt.NDArray[Any] | None = None,
-) -> tuple[FeatureTable, LabelledTrials]:
-    """Like `table_from_trials`, but also return the trials that have features."""
-    trials = trials.cut_to_shortest()
-    channel, channels = trials.name_channel(channel), trials.channels
-    while True:
-        signals = [trials.signal(one) for one in (channels if channel == ALL else [channel])]
-        try:
-            found = [
-                features_from_trials(
-                    task, signal, trials.rate_hz, config=config, speeds_m_s=speeds_m_s
-                )
-                for signal in signals
-            ]
-        except UndefinedFeatureError as error:
-            if not error.windows:
-                raise DatasetError(f'no features from these trials: {error}') from error
-            bad = dict.fromkeys(error.windows, str(error.__cause__ or error))
-            if speeds_m_s is not None:
-                speeds_m_s = np.delete(speeds_m_s, list(bad))
-            trials = trials.drop(bad)
-        except FeatureError as error:
-            raise DatasetError(f'no features from these trials: {error}') from error
-        else:
-            values, spec = found[0] if len(found) == 1 else _join(found)
-            spec = _in_unit(spec, trials.unit)
-            if len(channels) > 1:
-                spec = dataclasses.replace(spec, channel=channel, channels=channels)
-            return FeatureTable(values, trials.label, spec, trials.columns), trials
+    x = np.asarray(x)
+    channels = tuple(channels) or tuple(f'{_CHANNEL}{i}' for i in range(x.shape[1]))
+    channel = name_channel(channel, channels)
+    signals = [
+        x[:, channels.index(one)]
+        for one in (channels if channel == ALL else [channel])
+        if one != MEAN
+    ] or [x.mean(axis=1, dtype=np.float64)]
+    try:
+        found = [
+            features_from_trials(
+                task, signal.astype(np.float64), rate_hz, config=config, speeds_m_s=speeds_m_s
+            )
+            for signal in signals
+        ]
+    except FeatureError as error:
+        message = f'no features from these trials: {error}'
+        if isinstance(error, UndefinedFeatureError) and error.windows:
+            reasons = dict.fromkeys(error.windows, str(error.__cause__ or error))
+            raise NoFeaturesError(message, reasons) from error
+        raise DatasetError(message) from error
+    values, spec = found[0] if len(found) == 1 else _join(found)
+    spec = _in_unit(spec, unit)
+    if len(channels) > 1:
+        spec = dataclasses.replace(spec, channel=channel, channels=channels)
+    return FeatureTable(values, np.asarray(labels), spec, columns or {})
 
 
 def _in_unit(spec: FeatureSpec, unit: str) -> FeatureSpec:

@@ -99,7 +99,7 @@ class SampleWindow:
             given, wanted = format_rates(rate_hz, self._spec.rate_hz)
             raise DatasetError(
                 f'the rate is {given} Hz, but the model was trained at {wanted} Hz: '
-                'resample the samples (--resample-hz, LabelledTrials.resample)'
+                'resample the samples (--resample-hz, TrialSet.resample)'
             )
         return rows
 

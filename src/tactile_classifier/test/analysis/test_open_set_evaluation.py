@@ -14,7 +14,6 @@ from tactile_classifier.confidence.fit_calibration import (
     compute_uncalibrated,
     make_group_folds,
 )
-from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators import random_convolutions
@@ -95,9 +94,10 @@ def test_random_convolutions_of_several_channels_are_those_of_the_model_file(mon
     level = 0.4 * np.tile([0.0, 1.0, 2.0], 20)[:, None]
     x = generator.normal(size=(60, 3, 40))
     x[:, 1] += level
-    trials = LabelledTrials(x, label, 60.0, {'session_id': session})
     config = FeatureConfig(texture_features='glide_waveform')
-    table = table_from_trials('texture', trials, 'all', config=config)
+    table = table_from_trials(
+        'texture', x, label, 60.0, 'all', columns={'session_id': session}, config=config
+    )
     assert table.channels == 3
     found = evaluate_open_set(table, 'rocket', false_alarm_rate=0.1)
     classes, true = np.unique(table.labels, return_inverse=True)

@@ -10,7 +10,6 @@ import sys
 import numpy as np
 import pytest
 
-from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators import convolutions as convolutions_module
@@ -153,13 +152,13 @@ def make_trials(channels=1, samples=60, classes=3, each=12, offset=5.0, seed=0):
             wave = np.sin((0.3 + 0.1 * k) * time + np.arange(channels)[:, None])
             rows.append(offset + wave + 0.5 * rng.normal(size=(channels, samples)))
             labels.append(f'plate {k}')
-    return LabelledTrials(np.array(rows), np.array(labels), 60.0, {})
+    return np.array(rows), np.array(labels)
 
 
 def waveform_table(**arguments):
-    trials = make_trials(**arguments)
+    x, labels = make_trials(**arguments)
     config = FeatureConfig(texture_features='glide_waveform')
-    return table_from_trials('texture', trials, 'all', config=config)
+    return table_from_trials('texture', x, labels, 60.0, 'all', config=config)
 
 
 @pytest.mark.parametrize(

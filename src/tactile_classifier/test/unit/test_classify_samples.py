@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from tactile_classifier import load_model, write_model
-from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
 from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.manifest import list_facts
@@ -166,8 +165,7 @@ def test_a_window_without_features_gives_the_reason(model, tmp_path):
 def test_a_model_of_several_channels_takes_all_of_them(tmp_path):
     rows = np.concatenate([make_rows(i, i, 20, 60.0, 180) for i in range(3)])
     x = np.stack([rows, rows[::-1]], axis=1)
-    trials = LabelledTrials(x, np.repeat(['a', 'b', 'c'], 20), 60.0, {})
-    table = table_from_trials('texture', trials, 'all')
+    table = table_from_trials('texture', x, np.repeat(['a', 'b', 'c'], 20), 60.0, 'all')
     model = write_model(tmp_path / 'm.npz', train(table, 'knn'))
     for row, values in zip(x[::7], table.values[::7], strict=True):
         expected = model.compute(values[np.newaxis]).scores[0].tolist()
@@ -180,25 +178,27 @@ def test_one_channel_of_several_is_stated_and_found_again(tmp_path):
     rows = np.concatenate([make_rows(i, i, 20, 60.0, 180) for i in range(3)])
     x = np.stack([rows, 0.5 * rows[::-1]], axis=1)
     label = np.repeat(['a', 'b', 'c'], 20)
-    trials = LabelledTrials(x, label, 60.0, {}, channels=('fx', 'fy'))
+    named = {'channels': ('fx', 'fy')}
     specs, facts = {}, {}
     for channel in (0, 'fy', 'mean'):
-        table = table_from_trials('texture', trials, channel)
+        table = table_from_trials('texture', x, label, 60.0, channel, **named)
         model = write_model(tmp_path / 'm.npz', train(table, 'knn'))
         specs[channel], facts[channel] = model.spec, list_facts(model.manifest)['channel']
-        used = x.mean(axis=1) if channel == 'mean' else trials.signal(channel)
+        used = {0: x[:, 0], 'fy': x[:, 1], 'mean': x.mean(axis=1)}[channel]
         for row, one in zip(x[::7], used[::7], strict=True):
             assert model.classify(row, 60).scores == model.classify(one, 60).scores
         if channel != 'mean':
             with pytest.raises(ModelFileError, match='the channel differs'):
-                model.check_fits(table_from_trials('texture', trials, 'mean').spec)
+                model.check_fits(
+                    table_from_trials('texture', x, label, 60.0, 'mean', **named).spec
+                )
     assert len({spec.digest for spec in specs.values()}) == 3
     assert facts == {
         0: 'fx; not used: fy', 'fy': 'fy; not used: fx', 'mean': 'mean of 2 (fx, fy)',
     }  # fmt: skip
-    assert table_from_trials('texture', trials).spec == specs[0]
-    alone = LabelledTrials(x[:, :1], label, 60.0, {})
-    digests = {table_from_trials('texture', alone, c).spec.digest for c in (0, 'mean', 'all')}
+    assert table_from_trials('texture', x, label, 60.0, **named).spec == specs[0]
+    alone = ('texture', x[:, :1], label, 60.0)
+    digests = {table_from_trials(*alone, c).spec.digest for c in (0, 'mean', 'all')}
     assert len(digests) == 1
 
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.conditions import find_cells, find_tied_labels
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.datasets.splits import grouped_split, stated_split, stratified_split
@@ -83,30 +82,31 @@ def test_digest_depends_on_values_labels_and_specification(small_table):
 def test_stiffness_features_of_straight_lines_in_their_unit(unit):
     time_s = np.arange(400) / 100.0
     x = np.array([[12.0 - 0.5 * time_s], [8.0 + 0.25 * time_s]])
-    trials = LabelledTrials(x, np.array(['a', 'b']), 100.0, {'speed': np.arange(2)}, unit=unit)
-    table = table_from_trials('stiffness', trials)
+    named = {'unit': unit, 'columns': {'speed': np.arange(2)}}
+    table = table_from_trials('stiffness', x, ['a', 'b'], 100.0, **named)
     assert (table.task, table.spec.units) == ('stiffness', (f'{unit or "N"}/s', unit or 'N', '1'))
     np.testing.assert_allclose(table.values, [[-0.5, 12.0, -1.0], [0.25, 8.0, 1.0]], rtol=1e-12)
     np.testing.assert_array_equal(table.column('speed'), [0, 1])
-    still = dataclasses.replace(trials, x=np.stack([x[0], np.ones_like(x[1])]))
-    np.testing.assert_array_equal(table_from_trials('stiffness', still).values[1], [0.0, 1.0, 0.0])
+    still = np.stack([x[0], np.ones_like(x[1])])
+    constant = table_from_trials('stiffness', still, ['a', 'b'], 100.0)
+    np.testing.assert_array_equal(constant.values[1], [0.0, 1.0, 0.0])
 
 
 def test_features_over_distance_take_each_glide_at_its_speed():
     x = np.random.default_rng(0).normal(size=(3, 2, 400))
-    trials = LabelledTrials(x, np.array(['a', 'b', 'a']), 100.0, {})
+    trials = ('texture', x, ['a', 'b', 'a'], 100.0)
     window, speeds = SpatialWindow(0.03, 0.001), np.array([0.01, 0.02, 0.03])
     config = FeatureConfig(
         texture_features='texture_spatial', spatial_length_m=0.03, spatial_finest_m=0.001
     )
-    table = table_from_trials('texture', trials, 1, config=config, speeds_m_s=speeds)
+    table = table_from_trials(*trials, 1, config=config, speeds_m_s=speeds)
     assert table.task == 'texture'
     assert table.spec.parameters == {'spatial_length_m': 0.03, 'spatial_finest_m': 0.001}
     count = window.sample_count(0.02, 100.0)
     middle = x[1, 1, (400 - count) // 2 :][:count]
     assert table.values[1].tobytes() == compute_spatial(middle, 0.02, 100.0, window).tobytes()
     with pytest.raises(DatasetError, match=r'trial 2: at 0\.2 m/s'):
-        table_from_trials('texture', trials, config=config, speeds_m_s=np.array([0.01, 0.02, 0.2]))
+        table_from_trials(*trials, config=config, speeds_m_s=np.array([0.01, 0.02, 0.2]))
 
 
 # -- conditions ---------------------------------------------------------------------

@@ -54,13 +54,13 @@ def classify(
     classified.
     """
     from tactile_analysis.datasets.classified import classify_recording, count_right
-    from tactile_analysis.datasets.feature_tables import load_recording
     from tactile_analysis.datasets.reading import Reading
+    from tactile_analysis.trial_set import TrialSet
 
     output = Output(as_json)
     with (
         output.progress('classifying'),
-        load_recording(recordings, statements) as recording,
+        TrialSet.load(recordings, statements) as recording,
     ):
         found = classify_recording(recording, model, Reading(**vars(archives)))
     output.say(*found.notes)

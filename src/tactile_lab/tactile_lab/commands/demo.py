@@ -74,7 +74,7 @@ def demo(
     """
     from domain_coordinator import domain_id
 
-    from tactile_analysis.datasets.feature_tables import open_features
+    from tactile_analysis.datasets.feature_tables import open_trials
     from tactile_analysis.datasets.reading import Reading
     from tactile_bringup.launch_config.graph import Ports
     from tactile_lab.commands.replay import print_report, replay_and_compare
@@ -103,9 +103,12 @@ def demo(
         )
 
         output.say('[bold]2  Training and cross-validation[/bold]', markup=True)
-        with open_features(bags, Reading(features=STIFFNESS_FEATURES)) as source:
-            found = read_with_progress(source, output)
-            trained = train_models(source, found.tables, folder=folder / 'models', output=output)
+        reading = Reading(features=STIFFNESS_FEATURES)
+        with open_trials(bags, reading) as source:
+            tables = read_with_progress(source, reading, output)
+            trained = train_models(
+                source, reading, tables, folder=folder / 'models', output=output
+            )
 
         output.say(
             '[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]', markup=True

@@ -127,7 +127,7 @@ def evaluate(
         )
         return
     from tactile_analysis.datasets.automatic_features import AUTO
-    from tactile_analysis.datasets.feature_tables import open_features
+    from tactile_analysis.datasets.feature_tables import open_trials
     from tactile_analysis.datasets.reading import Reading
     from tactile_analysis.report.analysis import analyse
     from tactile_analysis.report.recordings import make_sets
@@ -153,9 +153,10 @@ def evaluate(
 
         file = report_path(report)
     with on_cluster(cluster):
-        with open_features(recordings, reading, statements, folds=folds) as source:
+        with open_trials(recordings, reading, statements) as source:
             chosen = choose_with_progress(
                 source,
+                reading,
                 output,
                 folds,
                 seed,
@@ -166,13 +167,14 @@ def evaluate(
             with output.progress('reading'):
                 sets = make_sets(
                     source,
+                    reading,
                     chosen,
                     hold_out,
                     of_choice=is_auto,
                     report=file is not None,
                     answers=answers,
                 )
-                sources = describe_sources(recordings, source.recording) if file else []
+                sources = describe_sources(recordings, source) if file else []
         with output.progress('evaluating') as show:
             results = analyse(
                 sets,
@@ -206,9 +208,9 @@ def _evaluate_models(
     statements: SourceOptions,
     output: Output,
 ) -> None:
-    from tactile_analysis.datasets.feature_tables import load_recording
     from tactile_analysis.datasets.model_accuracy import evaluate_models
     from tactile_analysis.datasets.reading import Reading
+    from tactile_analysis.trial_set import TrialSet
     from tactile_lab.result_tables import format_evaluation
 
     for name, values, most in (('--model', models, 2), ('--group', group, 1)):
@@ -220,7 +222,7 @@ def _evaluate_models(
     reading = Reading(task=task, **vars(archives))
     with (
         output.progress('evaluating'),
-        load_recording(recordings, statements) as recording,
+        TrialSet.load(recordings, statements) as recording,
     ):
         columns = options.split(group[0]) if group else ()
         found = evaluate_models(recording, reading, models, columns)

@@ -54,7 +54,7 @@ def features(
     """
     import numpy as np
 
-    from tactile_analysis.datasets.feature_tables import open_features
+    from tactile_analysis.datasets.feature_tables import compute_tables, open_trials
     from tactile_analysis.datasets.reading import Reading, select_features
 
     output = Output(as_json)
@@ -62,22 +62,22 @@ def features(
     reading = Reading(task=task, over=over, detrend=detrend, features=features, **vars(archives))
     with (
         output.progress('computing features'),
-        open_features(recordings, reading, statements) as source,
+        open_trials(recordings, reading, statements) as source,
     ):
-        found = source.tables()
-        paths = source.recording.paths
+        tables, left_out = compute_tables(source, reading)
+        steps = [] if source.is_own else source.notes
     written = []
-    for key, table in found.tables.items():
+    for key, table in tables.items():
         kind = '_'.join(filter(None, key))
         path = file
-        if len(found.tables) > 1:
+        if len(tables) > 1:
             path = file.with_name(f'{file.stem}_{kind}{file.suffix}')
         written.append((path, kind, select_features(table, features)))
     refuse_to_replace([path for path, _, _ in written], force=force)
-    notes = [*source.steps, *(f'excluded: {sentence}' for sentence in found.left_out)]
+    notes = [*steps, *(f'excluded: {sentence}' for sentence in left_out)]
     output.say(*notes)
     for path, kind, table in written:
-        columns = _columns(table, group, str(paths[0]))
+        columns = _columns(table, group, str(source.paths[0]))
         write_table(_to_arrow(columns, table, is_csv=path.suffix.lower() == '.csv'), path)
         output.say(
             f'{path}: {kind}, {len(table)} trials of {len(np.unique(table.labels))} labels, '

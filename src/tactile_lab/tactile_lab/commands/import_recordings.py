@@ -3,8 +3,10 @@
 
 """`tactile import`: convert recordings of other programs to one archive of labelled trials."""
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Optional, TYPE_CHECKING
+from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import typer
 
@@ -15,7 +17,6 @@ from tactile_ros.errors import named_errors, TactileError
 
 if TYPE_CHECKING:
     from tactile_analysis import TrialSet
-    from tactile_classifier.datasets.archive import LabelledTrials
 
 SHOWN_LABELS = 12
 
@@ -49,10 +50,8 @@ def import_recordings(
     The output lists missing information, the columns that were used, and a command to evaluate the
     archive. Nothing is guessed: if information is missing, the message names the option to add it.
     """
-    import numpy as np
-
     from tactile_analysis import TrialSet
-    from tactile_classifier.datasets.archive import save_archive
+    from tactile_analysis.sources.signals import shared_columns
 
     output = Output(as_json)
     refuse_suffix('--output', archive, ['.npz'])
@@ -65,66 +64,67 @@ def import_recordings(
                 f'{recording.paths[0]} is a bag with trial events: train, evaluate and features '
                 'read it directly; `tactile export` writes it for other programs'
             )
-        trials = recording.to_arrays(skip_bad=skip_bad)
+        trials = recording.even(skip_bad=skip_bad)
         if plot is not None:
-            _draw(plot, recording, trials)
-    skipped = [{'row': each.row, 'reason': each.reason} for each in trials.skipped]
-    left_out = (f'left out: row {each.row}: {each.reason}' for each in trials.skipped)
-    output.say(*trials.steps, *left_out)
-    names, counts = np.unique(trials.label, return_counts=True)
-    found = {str(name): int(count) for name, count in zip(names, counts, strict=True)}
+            _draw(plot, trials)
     with named_errors('write', archive):
-        save_archive(archive, trials)
-    shortest, longest = int(trials.lengths.min()), int(trials.lengths.max())
+        trials.save(archive)
+    output.say(*trials.notes, *(f'left out: {sentence}' for sentence in trials.skipped))
+    included, columns = trials.included, shared_columns(trials.included)
+    labels = [trial.label for trial in included]
+    found = dict(sorted(Counter(labels).items()))
+    names, rate_hz, unit = included[0].signal.channels, trials.rate_hz, trials.unit
+    counts = [trial.signal.values.shape[1] for trial in included]
+    shortest, longest = min(counts), max(counts)
     samples = f'{shortest}' if shortest == longest else f'{shortest} to {longest}'
-    channels = len(trials.channels)
+    channels = len(names)
     shown = ', '.join(f'{name} {count}' for name, count in list(found.items())[:SHOWN_LABELS])
     output.say(
-        f'{archive}: {len(trials)} trials of {len(found)} labels ({shown}), '
+        f'{archive}: {len(included)} trials of {len(found)} labels ({shown}), '
         f'{channels} channel{"s" if channels > 1 else ""}'
-        f'{f" in {trials.unit}" if trials.unit else ""}, {samples} samples at '
-        f'{trials.rate_hz:g} Hz; columns: {", ".join(trials.columns) or "none"}',
+        f'{f" in {unit}" if unit else ""}, {samples} samples at '
+        f'{rate_hz:g} Hz; columns: {", ".join(columns) or "none"}',
     )
     if plot is not None:
-        output.say(f'{plot}: {min(DRAWN, len(trials))} trials')
+        output.say(f'{plot}: {min(DRAWN, len(included))} trials')
     if channels > 1:
         output.say(
-            f'features use channel {trials.channels[0]}; not used: '
-            f'{", ".join(trials.channels[1:])}; --channel NAME, mean or all selects others'
+            f'features use channel {names[0]}; not used: '
+            f'{", ".join(names[1:])}; --channel NAME, mean or all selects others'
         )
-    command, *remarks = next_command(archive, trials)
+    command, *remarks = next_command(archive, columns, labels)
     output.say(*remarks, f'next: {command}')
     output.result(
         {
             'path': str(archive),
-            'trials': len(trials),
+            'trials': len(included),
             'labels': found,
             'channels': channels,
-            'channel_names': list(trials.channels),
+            'channel_names': list(names),
             'samples': [shortest, longest],
-            'rate_hz': trials.rate_hz,
-            'unit': trials.unit or None,
-            'columns': list(trials.columns),
-            'notes': list(trials.steps),
-            'skipped': skipped,
+            'rate_hz': rate_hz,
+            'unit': unit or None,
+            'columns': list(columns),
+            'notes': trials.notes,
+            'skipped': trials.skipped,
             'next': command,
             'remarks': remarks,
         }
     )
 
 
-def next_command(archive: Path, trials: 'LabelledTrials') -> list[str]:
+def next_command(archive: Path, columns: Mapping[str, Any], labels: Sequence[str]) -> list[str]:
     """Return the command that evaluates an archive with groups held out, then remarks on it."""
     from tactile_analysis.sources.files import find_group_word, GROUP_WORDS
 
     command = f'tactile evaluate {archive} --task texture (or stiffness)'
-    words = {name: find_group_word(name) for name in trials.columns}
+    words = {name: find_group_word(name) for name in columns}
     named = sorted(filter(words.get, words), key=lambda name: GROUP_WORDS.index(words[name]))
-    groups = [name for name in named if _can_hold_out(trials, name)]
+    groups = [name for name in named if _can_hold_out(columns[name], labels)]
     remarks = [
         f'column {name} cannot be held out: all trials of some label have the same {name}'
         for name in named
-        if name not in groups and len(set(trials.columns[name].tolist())) > 1
+        if name not in groups and len(set(columns[name].tolist())) > 1
     ]
     if groups[1:]:
         options = ', '.join(f'--group {name}' for name in groups[1:])
@@ -132,30 +132,32 @@ def next_command(archive: Path, trials: 'LabelledTrials') -> list[str]:
     if groups:
         return [f'{command} --group {groups[0]}', *remarks]
     text = 'no column is named like sessions, days, subjects or specimens'
-    others = [name for name in trials.columns if name not in named and _can_hold_out(trials, name)]
+    others = [
+        name for name in columns if name not in named and _can_hold_out(columns[name], labels)
+    ]
     if others:
         names = ' or '.join(others[:SHOWN_GROUPS])
         return [command, *remarks, f'{text}; does one divide the trials: --group {names}?']
     return [command, *remarks, f'{text}: random folds only, which are optimistic']
 
 
-def _can_hold_out(trials: 'LabelledTrials', name: str) -> bool:
+def _can_hold_out(column: Any, labels: Sequence[str]) -> bool:
     """Return True if each label is in two or more groups, of two or more trials on average."""
-    import numpy as np
-
-    column = trials.columns[name]
-    groups = len(np.unique(column))
-    return 2 * groups <= len(trials) and all(
-        len(np.unique(column[trials.label == label])) > 1 for label in np.unique(trials.label)
+    groups: dict[str, set[Any]] = {}
+    for label, group in zip(labels, column.tolist(), strict=True):
+        groups.setdefault(label, set()).add(group)
+    return 2 * len(set(column.tolist())) <= len(labels) and all(
+        len(each) > 1 for each in groups.values()
     )
 
 
-def _draw(plot: Path, recording: 'TrialSet', trials: 'LabelledTrials') -> None:
+def _draw(plot: Path, trials: 'TrialSet') -> None:
     from tactile_analysis.plots import plot_signals
 
-    usable = [trial for trial in recording.trials if not trial.why_not]
+    usable = trials.included
     first = list({trial.label: trial for trial in reversed(usable)}.values())[::-1]
     chosen = [*first, *(trial for trial in usable if trial not in first)][:DRAWN]
     titled = [(f'{trial.label}, trial {trial.name}', trial.signal) for trial in chosen]
+    shortest_s = min(t.signal.values.shape[1] / t.signal.rate_hz for t in usable)
     with named_errors('write', plot):
-        plot_signals(plot, titled, float(trials.lengths.min()) / trials.rate_hz)
+        plot_signals(plot, titled, shortest_s)

@@ -3,6 +3,7 @@
 
 """`tactile show`: list the contents of a recording or a model file, and plot trials."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
@@ -177,35 +178,36 @@ def _describe_trial(number: int, trial: 'Trial') -> dict[str, Any]:
 
 
 def _describe_archive(recording: 'TrialSet') -> Contents:
-    import numpy as np
-
-    archive = recording.to_arrays(skip_bad=True)
-    labels, counts = np.unique(archive.label, return_counts=True)
-    seconds = archive.lengths / archive.rate_hz
+    included = recording.included
+    if not included:
+        recording.even(skip_bad=True)  # raises the error with the reason
+    signals = [trial.signal for trial in included]
+    seconds = [signal.values.shape[1] / (signal.rate_hz or 1.0) for signal in signals]
+    counts = sorted(Counter(trial.label for trial in included).items())
+    columns = [name for name in included[0].columns if name != 'label']
     facts: dict[str, Cell] = {
-        'trials': str(len(archive)),
-        'labels': [f'{a} ({n})' for a, n in zip(labels, counts, strict=True)],
-        'sample rate': f'{archive.rate_hz:g} Hz',
-        'unit': archive.unit or 'unknown',
-        'channels': str(archive.x.shape[1]),
-        'length': f'{seconds.min():.3g} to {seconds.max():.3g} s',
-        'columns': list(archive.columns) or 'none',
+        'trials': str(len(included)),
+        'labels': [f'{label} ({n})' for label, n in counts],
+        'sample rate': f'{signals[0].rate_hz:g} Hz',
+        'unit': recording.unit or 'unknown',
+        'channels': str(len(signals[0].channels)),
+        'length': f'{min(seconds):.3g} to {max(seconds):.3g} s',
+        'columns': columns or 'none',
     }
-    if archive.skipped:
-        reasons = (f'row {s.row}: {s.reason}' for s in archive.skipped[:5])
-        facts['unusable'] = Prose('; '.join(reasons))
+    if recording.skipped:
+        facts['unusable'] = Prose('; '.join(recording.skipped[:5]))
     own = {'trial', 'label', 'seconds'}
     trials = [
         {
             'trial': i + 1,
-            'label': str(archive.label[i]),
-            'seconds': float(seconds[i]),
+            'label': trial.label,
+            'seconds': seconds[i],
             **{
-                f'column {name}' if name in own else name: str(column[i])
-                for name, column in archive.columns.items()
+                f'column {name}' if name in own else name: str(trial.columns[name])
+                for name in columns
             },
         }
-        for i in range(len(archive))
+        for i, trial in enumerate(included)
     ]
     return Contents('archive', facts, trials, {})
 

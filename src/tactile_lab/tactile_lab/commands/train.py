@@ -19,7 +19,9 @@ from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_analysis.datasets.automatic_features import Chosen
-    from tactile_analysis.datasets.feature_tables import FeatureTables, RecordingFeatures
+    from tactile_analysis.datasets.feature_tables import Tables
+    from tactile_analysis.datasets.reading import Reading
+    from tactile_analysis.trial_set import TrialSet
     from tactile_classifier.datasets.dataset import FeatureTable
     from tactile_classifier.evaluation.cross_validation import Evaluation
     from tactile_classifier.model_file.manifest import Manifest
@@ -160,7 +162,7 @@ def train(
     training trials as *unknown*. Existing model files are only replaced with --force.
     """
     from tactile_analysis.datasets.automatic_features import AUTO
-    from tactile_analysis.datasets.feature_tables import open_features
+    from tactile_analysis.datasets.feature_tables import open_trials
     from tactile_analysis.datasets.reading import Reading
     from tactile_lab.cluster import on_cluster
 
@@ -186,12 +188,13 @@ def train(
                 **vars(archives),
             )
             reading.choose_fields()  # refuses options that do not go together, before the work
-            with open_features(recordings, reading, statements, folds=folds) as source:
+            with open_trials(recordings, reading, statements) as source:
                 if not trained:
-                    _refuse_existing(source, folder, lengths, force=force)
+                    _refuse_existing(source, task, folder, lengths, force=force)
                 write = functools.partial(
                     train_models,
                     source,
+                    reading,
                     folder=folder,
                     output=output,
                     false_alarm_rate=false_alarm_rate,
@@ -199,9 +202,9 @@ def train(
                     force=force,
                 )
                 if classifier:
-                    found = read_with_progress(source, output)
+                    tables = read_with_progress(source, reading, output)
                     trained += write(
-                        found.tables,
+                        tables,
                         classifier=classifier,
                         scaling=scaling,
                         hold_out=options.split(group),
@@ -211,11 +214,12 @@ def train(
                     )
                     continue
                 if automatic:
-                    output.say(*source.steps)
+                    _say_steps(source, output)
                 else:
-                    read_with_progress(source, output)
+                    read_with_progress(source, reading, output)
                 chosen = choose_with_progress(
                     source,
+                    reading,
                     output,
                     folds,
                     seed,
@@ -233,13 +237,17 @@ def train(
 
 
 def _refuse_existing(
-    source: 'RecordingFeatures', folder: Path, lengths: Sequence[Optional[float]], *, force: bool
+    source: 'TrialSet',
+    wanted: Optional[str],
+    folder: Path,
+    lengths: Sequence[Optional[float]],
+    *,
+    force: bool,
 ) -> None:
     """Refuse to replace model files, before features are computed and candidates compared."""
-    wanted, keys = source.reading.task, [(source.reading.task or '', '')]
-    if source.recording.is_own:
-        trials = [each for each in source.recording.trials if each.label and not each.why_not]
-        found = dict.fromkeys((each.task, each.contact) for each in trials)
+    keys = [(wanted or '', '')]
+    if source.is_own:
+        found = dict.fromkeys((each.task, each.contact) for each in source.included)
         keys = [key for key in found if wanted in (None, key[0])]
     paths = [model_path(folder, key, window_s) for window_s in lengths for key in keys]
     refuse_to_replace(paths, force=force)
@@ -298,26 +306,35 @@ def say_lengths(trained: Sequence[TrainedModel], picture: Path, output: Output) 
     output.say(f'{picture}: the same as a picture')
 
 
-def read_with_progress(source: 'RecordingFeatures', output: Output) -> 'FeatureTables':
+def _say_steps(trials: 'TrialSet', output: Output) -> None:
+    output.say(*(() if trials.is_own else trials.notes))
+
+
+def read_with_progress(trials: 'TrialSet', reading: 'Reading', output: Output) -> 'Tables':
     """Return the feature tables of a recording; say which trials are left out."""
+    from tactile_analysis.datasets.feature_tables import compute_tables
+
     with output.progress('extracting features'):
-        found = source.tables()
-    left_out = [*found.left_out[:5]]
-    if len(found.left_out) > 5:
-        left_out.append(f'{len(found.left_out) - 5} more')
-    output.say(*source.steps, *(f'left out: {each}' for each in left_out))
-    return found
+        tables, found = compute_tables(trials, reading)
+    left_out = [*found[:5]]
+    if len(found) > 5:
+        left_out.append(f'{len(found) - 5} more')
+    _say_steps(trials, output)
+    output.say(*(f'left out: {each}' for each in left_out))
+    return tables
 
 
 def choose_with_progress(
-    source: 'RecordingFeatures', output: Output, folds: int, seed: int, **choice: Any
+    trials: 'TrialSet', reading: 'Reading', output: Output, folds: int, seed: int, **choice: Any
 ) -> 'dict[tuple[str, ...], Chosen]':
     """Return the choice of `choose_automatically` for each table, and print the reasons."""
     from tactile_analysis.datasets.automatic_features import choose_automatically
 
     said: list[str] = []
     with output.progress('choosing features and classifier') as show:
-        chosen = choose_automatically(source, folds, seed, said.append, progress=show, **choice)
+        chosen = choose_automatically(
+            trials, reading, folds, seed, said.append, progress=show, **choice
+        )
     output.say(*said)
     return chosen
 
@@ -329,7 +346,8 @@ def model_path(folder: Path, key: tuple[str, ...], window_s: Optional[float] = N
 
 
 def train_models(
-    source: 'RecordingFeatures',
+    trials: 'TrialSet',
+    reading: 'Reading',
     tables: Mapping[tuple[str, ...], 'FeatureTable'],
     *,
     folder: Path,
@@ -347,12 +365,13 @@ def train_models(
 ) -> list[TrainedModel]:
     """Train and write a model for each table, and print accuracies on held-out groups.
 
-    ``tables`` are the tables of ``source``; the keys are task and contact. ``chosen`` is the
+    ``tables`` are the tables of ``trials``; the keys are task and contact. ``chosen`` is the
     automatic choice for each table. If it is None, ``classifier`` is trained, and the four
     classifiers are cross-validated. See ``tactile train --help`` for the other parameters.
     """
     import numpy as np
 
+    from tactile_analysis.datasets.feature_tables import title as title_of
     from tactile_analysis.wording import (
         accuracy_caption,
         describe_answers,
@@ -368,7 +387,7 @@ def train_models(
 
     for table in tables.values():
         check_size(table)
-    window_s = source.reading.window_s
+    window_s = reading.window_s
     paths = {key: model_path(folder, key, window_s) for key in tables}
     refuse_to_replace(paths.values(), force=force)
     make_output_folder(folder)
@@ -382,7 +401,7 @@ def train_models(
         else:
             evaluation = _evaluate(table, hold_out, folds, repetitions, seed, output)
         simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
-        title = f'{source.title(key, table)}{simulated}'
+        title = f'{title_of(trials, reading, key, table)}{simulated}'
         output.say(
             accuracy_table(evaluation, title) if choice is None else choice_table(choice, title),
             accuracy_caption(evaluation),

@@ -13,8 +13,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 from tactile_command import ask_tactile, hear_tactile, tactile
 
-from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.model_file.model import load_model
+from tactile_testing.recordings import Archive
 
 RATE_HZ = 100.0
 SLOPES = {'rubber': -0.9, 'pla': -0.5}
@@ -45,7 +45,7 @@ def rows_of(time_s, tension_n, form):
 def import_json(tmp_path, *arguments):
     archive = tmp_path / 'imported.npz'
     found = ask_tactile('import', *arguments, '-o', archive, '--force')
-    return found, load_archive(archive, folds=0)
+    return found, Archive(archive)
 
 
 def refusal(tmp_path, *arguments):
@@ -304,7 +304,7 @@ def test_oddities_of_float32_are_said(tmp_path):
     x[2, 1] = 1.0
     np.savez(tmp_path / 'odd.npz', x=x, label=['a', 'b'] * 8, rate_hz=50.0)
     found, _ = import_json(tmp_path, tmp_path / 'odd.npz')
-    assert 'warning: channel 1 is constant in 1 trial (row 2)' in found['notes']
+    assert 'warning: channel channel_1 is constant in 1 trial (2)' in found['notes']
     assert any('fewer than 16 samples in 16 trials' in note for note in found['notes'])
     for task in ('texture', 'stiffness'):
         options = ('--task', task, '--folds', 2, '--repetitions', 1)

@@ -10,7 +10,6 @@ from tactile_command import ask_tactile, hear_tactile
 from tactile_analysis import TrialSet
 from tactile_analysis.datasets.classified import classify_recording
 from tactile_analysis.options import SourceError
-from tactile_classifier.datasets.archive import LabelledTrials, save_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
@@ -31,9 +30,9 @@ def make_rows(labels, samples=120, seed=0):
 @pytest.fixture(scope='module')
 def model(tmp_path_factory):
     label = np.repeat(LABELS, 20)
-    trials = LabelledTrials(make_rows(label)[:, None], label, RATE_HZ, {}, unit='N')
+    table = table_from_trials('texture', make_rows(label)[:, None], label, RATE_HZ, unit='N')
     path = tmp_path_factory.mktemp('models') / 'texture.npz'
-    write_model(path, train(table_from_trials('texture', trials), 'knn'))
+    write_model(path, train(table, 'knn'))
     return path
 
 
@@ -87,7 +86,7 @@ def test_a_recording_is_loaded_without_an_invented_label(model, tmp_path):
         assert trial.label == ''
         assert loaded.classify(trial.signal.values, trial.signal.rate_hz).label == 'fine'
         with pytest.raises(SourceError, match='--label-column material'):
-            recording.to_arrays()
+            recording.windows()
 
 
 def test_longer_trials_are_cut_and_shorter_ones_have_no_answer(model, tmp_path):
@@ -115,7 +114,7 @@ def test_rate_unit_and_question_must_be_those_of_the_model(model, tmp_path):
     label = np.repeat(['soft', 'hard'], 10)
     rng = np.random.default_rng(2)
     ramps = rng.normal(size=(20, 1, 120)) + np.where(label == 'hard', 5.0, 1.0)[:, None, None]
-    table = table_from_trials('stiffness', LabelledTrials(ramps, label, RATE_HZ, {}))
+    table = table_from_trials('stiffness', ramps, label, RATE_HZ)
     folder = tmp_path / 'both'
     folder.mkdir()
     write_model(folder / 'stiffness.npz', train(table, 'knn'))
@@ -129,16 +128,17 @@ def test_a_model_finds_its_channel_among_several(tmp_path):
     label = np.repeat(LABELS, 20)
     noise = np.random.default_rng(1).normal(size=(60, 120))
     x = np.stack([noise, make_rows(label)], axis=1)
-    trials = LabelledTrials(x, label, RATE_HZ, {}, unit='N', channels=('fx', 'fz'))
+    named = {'unit': 'N', 'channels': ('fx', 'fz')}
     model = tmp_path / 'm.npz'
-    write_model(model, train(table_from_trials('texture', trials, 'fz'), 'knn'))
-    save_archive(tmp_path / 'two.npz', trials)
+    write_model(
+        model, train(table_from_trials('texture', x, label, RATE_HZ, 'fz', **named), 'knn')
+    )
+    stated = {'rate_hz': RATE_HZ, 'unit': 'N'}
+    np.savez(tmp_path / 'two.npz', x=x, label=label, channel_names=['fx', 'fz'], **stated)
     for channels in ((1, 0), (1,)):
-        part = LabelledTrials(
-            x[:6, channels], label[:6], RATE_HZ, {}, unit='N',
-            channels=tuple(('fx', 'fz')[i] for i in channels),
-        )  # fmt: skip
-        save_archive(tmp_path / 'other.npz', part)
+        names = [('fx', 'fz')[i] for i in channels]
+        part = {'x': x[:6, channels], 'label': label[:6], 'channel_names': names}
+        np.savez(tmp_path / 'other.npz', **part, **stated)
         assert (
             answers_of(ask_tactile('classify', tmp_path / 'other.npz', '-m', model))
             == ['fine'] * 6

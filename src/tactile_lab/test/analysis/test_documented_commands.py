@@ -80,7 +80,7 @@ def recordings(texture_bag, stiffness_bag, rewrite, tmp_path_factory):
         return rewrite(source, folder / name, keep(*change))
 
     old = bag('old', texture_bag, '-0000$')
-    (table,) = read_tables([old]).tables.values()
+    (table,) = read_tables([old]).values()
     write_model(folder / 'old.npz', train(table, 'knn'))
     return Recordings(
         texture=bag('texture', texture_bag, '-(R1|F)-', (0.015, 0.02)),

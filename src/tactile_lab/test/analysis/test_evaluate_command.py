@@ -9,11 +9,11 @@ from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
 from tactile_analysis.trial_set import select_trials
 from tactile_bags import EVENT
-from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 from tactile_ros.errors import TactileError
+from tactile_testing.recordings import Archive
 
 RATE_HZ = 100.0
 ONCE = ('--repetitions', 1)
@@ -58,7 +58,10 @@ def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save)
         assert score['interval']['low'] <= score['mean'] <= score['interval']['high']
         assert score['interval']['method'].endswith('over 24 trials')
     scores = {(s['classifier'], s['scaling']): s['mean'] for s in stated['scores']}
-    table = table_from_trials('stiffness', load_archive(path))
+    archive = Archive(path)
+    table = table_from_trials(
+        'stiffness', archive.x, archive.label, archive.rate_hz, columns=archive.columns
+    )
     train = table.column('day') == 2
     values = (table.values - table.values[train].mean(axis=0)) / table.values[train].std(axis=0)
     squared = np.sum((values[~train][:, None] - values[train][None]) ** 2, axis=2)
@@ -77,16 +80,16 @@ def test_bad_trials_are_skipped_and_listed_everywhere(save, tmp_path):
     path, _ = save(x=x)
     said = hear_tactile('evaluate', path, *HOLDS, code=2)
     assert '2 of 48 trials' in said
-    assert 'row 3' in said
+    assert 'trial 3' in said
     report = tmp_path / 'report.html'
     options = ('--skip-bad', '--where', 'day=1,2', '--report', report)
     document, said = ask_and_hear_tactile('evaluate', path, *HOLDS, *options)
     (found,) = document['sets']
     for shown in (said, report.read_text()):
         assert 'skipped 2 trials' in shown
-        assert 'row 3: x in strange.npz is not finite at 1 of 200 samples' in shown
-        assert 'row 40: x in strange.npz is not finite at 1 of 200 samples' in shown
-    assert [each['row'] for each in found['skipped']] == [3, 40]
+        assert 'trial 3: channel channel_0 is not finite at 1 of 200 samples' in shown
+        assert 'trial 40: channel channel_0 is not finite at 1 of 200 samples' in shown
+    assert [each.split(':')[0] for each in found['skipped']] == ['trial 3', 'trial 40']
     assert found['trials'] == 46
 
 

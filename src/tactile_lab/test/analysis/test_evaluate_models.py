@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binomtest
 from tactile_command import ask_tactile, hear_tactile
 
-from tactile_analysis.datasets.feature_tables import open_features, read_tables
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_analysis.datasets.reading import Reading
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
@@ -36,7 +36,7 @@ def bags(simulate_bag):
 @pytest.fixture(scope='module')
 def tables(bags):
     """Return the features of each bag."""
-    return [table for bag in bags for table in read_tables([bag]).tables.values()]
+    return [table for bag in bags for table in read_tables([bag]).values()]
 
 
 @pytest.fixture(scope='module')
@@ -118,8 +118,7 @@ def test_each_model_gets_its_own_features_and_window(bags, models, tmp_path):
         ('waveform', Reading(features='glide_waveform')),
         ('early', Reading(window_s=1.0)),
     ):
-        with open_features(bags[:1], reading) as source:
-            (table,) = source.tables().tables.values()
+        (table,) = read_tables(bags[:1], reading=reading).values()
         paths.append(tmp_path / f'{name}.npz')
         write_model(paths[-1], train(table, 'knn'))
         alone = evaluate(*bags, models=paths[-1:])
@@ -212,8 +211,7 @@ def test_archives_with_other_rates_tasks_and_unusable_trials(archives, bags, tra
 def test_a_trial_that_only_one_model_refuses_is_wrong_for_it(
     bags, tables, models, rewrite, tmp_path
 ):
-    with open_features(bags[:1], Reading(window_s=1.0)) as source:
-        (table,) = source.tables().tables.values()
+    (table,) = read_tables(bags[:1], reading=Reading(window_s=1.0)).values()
     write_model(tmp_path / 'early.npz', train(table, 'knn'))
     end_ns = int(tables[1].column('window_end_ns')[4])
 

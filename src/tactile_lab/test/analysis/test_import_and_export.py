@@ -11,9 +11,9 @@ from tactile_command import ask_tactile, hear_tactile, tactile
 import yaml
 
 from tactile_analysis import TrialSet
-from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.model_file.model import load_model
+from tactile_testing.recordings import Archive
 
 
 def test_trials_of_our_bags_come_back_equal(stiffness_bag, tmp_path):
@@ -26,9 +26,9 @@ def test_trials_of_our_bags_come_back_equal(stiffness_bag, tmp_path):
     imported = ask_tactile('import', table, '-o', tmp_path / 'trials.npz')
     assert imported['unit'] == 'N'
     assert imported['rate_hz'] == 60.0
-    back = load_archive(tmp_path / 'trials.npz', folds=0)
+    back = Archive(tmp_path / 'trials.npz')
     with TrialSet.load(stiffness_bag) as recording:
-        whole = recording.to_arrays()
+        recording.save(tmp_path / 'whole.npz')
         assert len(back) == len(recording.trials)
         for row, trial in enumerate(recording.trials):
             np.testing.assert_array_equal(
@@ -37,6 +37,7 @@ def test_trials_of_our_bags_come_back_equal(stiffness_bag, tmp_path):
             assert back.label[row] == trial.label
             assert back.columns['session_id'][row] == trial.session_id
             assert back.columns['mounting_id'][row] == trial.mounting_id
+    whole = Archive(tmp_path / 'whole.npz')
     np.testing.assert_array_equal(back.x, whole.x)
     for name in ('trial', 'contact', 'task', 'glide_speed_m_s'):
         assert back.columns[name].tolist() == whole.columns[name].tolist()
@@ -149,10 +150,10 @@ def test_the_channel_that_was_used_is_said_with_the_others(tmp_path):
         assert used in hear_tactile('train', *train, *more)
         assert used in hear_tactile('show', tmp_path / 'm' / 'texture.npz')
     default = load_model(tmp_path / 'm' / 'texture.npz').spec
-    assert (
-        default.digest
-        == table_from_trials('texture', load_archive(tmp_path / 'a.npz')).spec.digest
-    )
+    back = Archive(tmp_path / 'a.npz')
+    stated = {'channels': back.channels, 'unit': back.unit}
+    table = table_from_trials('texture', back.x, back.label, back.rate_hz, **stated)
+    assert default.digest == table.spec.digest
     hear_tactile('train', *train, '--classifier', 'knn', '--channel', 'mean')
     mean = load_model(tmp_path / 'm' / 'texture.npz').spec
     assert (mean.channel, mean.digest != default.digest) == ('mean', True)

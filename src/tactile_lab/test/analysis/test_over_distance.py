@@ -30,7 +30,7 @@ def bags(tmp_path_factory):
 
 def test_each_speed_has_a_bag_whose_events_state_it(bags):
     for mm_s, bag in zip(SPEEDS_MM_S, bags, strict=True):
-        table = read_tables([bag], parse_over('45:0.5')).tables['texture', 'flexion']
+        table = read_tables([bag], parse_over('45:0.5'))['texture', 'flexion']
         assert len(table) == 16
         assert set(table.column('glide_speed_m_s')) == {mm_s / 1e3}
         assert table.spec.feature_set == 'texture_spatial'

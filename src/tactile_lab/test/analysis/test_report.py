@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tactile_analysis.datasets.automatic_features import choose_automatically, Chosen
-from tactile_analysis.datasets.feature_tables import open_features
-from tactile_analysis.datasets.reading import select_features
+from tactile_analysis.datasets.feature_tables import open_trials
+from tactile_analysis.datasets.reading import Reading, select_features
 from tactile_analysis.report.analysis import analyse
 from tactile_analysis.report.build import build_page, report_path
 from tactile_analysis.report.drawings import draw_holds, draw_p_matrices, draw_textures, draw_trial
@@ -23,7 +23,6 @@ from tactile_analysis.report.recordings import (
     Example,
     make_sets,
     RecordingSet,
-    TrialExample,
     usual_splits,
 )
 from tactile_analysis.report.significance import (
@@ -41,6 +40,7 @@ from tactile_analysis.report.summary import (
 )
 from tactile_analysis.report.svg import INK, render
 from tactile_analysis.wording import name_candidate
+from tactile_bags.trial import Signal, Trial
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.evaluation.plans import run_plans
@@ -48,7 +48,12 @@ from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
+from tactile_features.types import TrialEvent
 from tactile_ros.errors import TactileError
+
+
+def example_of(row, time_s, values):
+    return Example(row, Signal(time_s, values[np.newaxis], ('tension_n',)), None)
 
 
 def make_easy_holds():
@@ -76,7 +81,7 @@ def make_textures():
     spec = spec_for('texture', FeatureConfig())
     table = FeatureTable(compute_spectrum(signals), labels, spec, {'day': np.arange(24) % 3})
     rows = [12, 0]  # one of each label
-    examples = tuple(Example(row, time_s, signals[row]) for row in rows)
+    examples = tuple(example_of(row, time_s, signals[row]) for row in rows)
     return RecordingSet('texture, x.npz', '', False, table, (('day',),), 'raw', examples)
 
 
@@ -265,25 +270,36 @@ def test_without_groups_there_is_no_learning_curve_and_it_is_said(easy_holds):
 def test_captions_state_slope_and_intercept_with_their_units(easy_holds):
     time_s = np.arange(60) / 60.0
     rows = (0, 24, 48)
-    examples = tuple(Example(row, time_s, 2.0 - 0.5 * time_s) for row in rows)
+    examples = tuple(example_of(row, time_s, 2.0 - 0.5 * time_s) for row in rows)
     result = dataclasses.replace(
         easy_holds, recordings=dataclasses.replace(easy_holds.recordings, examples=examples)
     )
     assert 'pla -0.5 N/s, 2 N' in draw_holds(result).caption
     phases = (('contact', 0.0, 0.2), ('hold', 0.2, 0.8), ('release', 0.8, 1.0))
-    trial = TrialExample(0, time_s, 2.0 - 0.5 * time_s, phases, (0.3, 0.7))
+    events = tuple(
+        TrialEvent(int(1e9 * start_s), '1', 's', 'stiffness', 'flexion', 'pla', phase)
+        for phase, start_s, _ in (*phases, ('done', 1.0, 1.0))
+    )
+    trial = Trial(
+        '1', 'bag', 'pla', events=events, begin_ns=0, load_signal=lambda: examples[0].window
+    )
+    window = {'window_start_ns': np.full(72, 3 * 10**8), 'window_end_ns': np.full(72, 7 * 10**8)}
+    table = dataclasses.replace(result.recordings.table, columns=window)
+    result = dataclasses.replace(
+        result, recordings=dataclasses.replace(result.recordings, table=table)
+    )
     slope, intercept, correlation = result.recordings.table.values[0]
-    caption = draw_trial(result, trial).caption
+    caption = draw_trial(result, 0, trial).caption
     assert f'slope {slope:.3g} N/s, intercept {intercept:.3g} N, ' in caption
     assert f'correlation {correlation:.3g}.' in caption
     assert 'slope [N/s], intercept [N], correlation' in draw_p_matrices(result).caption
 
 
 def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
-    with open_features([stiffness_bag]) as features:
-        chosen = choose_automatically(features, 3, 0, lambda _: None, any_set=False)
-        sets = make_sets(features, chosen, report=True)
-        sources = describe_sources([stiffness_bag.parent], features.recording)
+    with open_trials([stiffness_bag]) as trials:
+        chosen = choose_automatically(trials, Reading(), 3, 0, lambda _: None, any_set=False)
+        sets = make_sets(trials, Reading(), chosen, report=True)
+        sources = describe_sources([stiffness_bag.parent], trials)
     assert sets[0].hold_out == (('trial_block',),)
     result = run(sets[0], folds=3)
     page = build_page([result], sources, {'folds': '3'})
@@ -303,12 +319,15 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
     assert len(found.examples) == 5
     for example in found.examples:
         slope, intercept, correlation = found.table.values[example.row]
-        fit = np.polynomial.Polynomial.fit(example.time_s, example.signal, 1).convert()
+        time_s, values = example.window.time_s, example.window.values[0]
+        fit = np.polynomial.Polynomial.fit(time_s, values, 1).convert()
         assert fit.coef == pytest.approx([intercept, slope], rel=1e-6)
-        assert np.corrcoef(example.time_s, example.signal)[0, 1] == pytest.approx(correlation)
-    start_s, end_s = found.trial.window_s
-    (hold,) = (phase for phase in found.trial.phases if phase[0] == 'hold')
-    assert hold[1] < start_s < end_s < hold[2]
+        assert np.corrcoef(time_s, values)[0, 1] == pytest.approx(correlation)
+        (hold,) = (phase for phase in example.trial.phases if phase[0] == 'hold')
+        start_s = 1e-9 * (
+            int(found.table.column('window_start_ns')[example.row]) - example.trial.begin_ns
+        )
+        assert hold[1] < start_s < start_s + time_s[-1] < hold[2]
 
 
 def test_summary_states_accuracy_chance_and_confusion_in_one_line(textures, easy_holds):
@@ -460,12 +479,12 @@ def test_sessions_and_mountings_are_held_out_without_being_asked_for(columns, he
 
 
 def test_report_and_answers_open_each_bag_once(stiffness_bag, opened):
-    with open_features([stiffness_bag]) as features:
-        chosen = choose_automatically(features, 2, 0, lambda _: None, any_set=False)
-        sets = make_sets(features, chosen, report=True, answers=True)
-        (source,) = describe_sources([stiffness_bag], features.recording)
+    with open_trials([stiffness_bag]) as trials:
+        chosen = choose_automatically(trials, Reading(), 2, 0, lambda _: None, any_set=False)
+        sets = make_sets(trials, Reading(), chosen, report=True, answers=True)
+        (source,) = describe_sources([stiffness_bag], trials)
     assert len(opened) == 1
     assert sets[0].examples
-    assert sets[0].trial
+    assert all(example.trial for example in sets[0].examples)
     (file,) = stiffness_bag.glob('*.mcap')
     assert source.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tactile_analysis.datasets.automatic_features import choose_automatically
-from tactile_analysis.datasets.feature_tables import open_features
-from tactile_analysis.datasets.reading import select_features
+from tactile_analysis.datasets.feature_tables import open_trials, read_tables
+from tactile_analysis.datasets.reading import Reading, select_features
 from tactile_analysis.report import answers as answers_module
 from tactile_analysis.report.analysis import analyse
 from tactile_analysis.report.answers import answer
@@ -44,9 +44,9 @@ def make_holds(gap, each=15):
 @pytest.fixture(scope='module')
 def answered(simulate_bag):
     """Return the results of simulated textures, and the page made of them."""
-    with open_features([simulate_bag('texture', 'flexion', 4, seed=11)]) as features:
-        chosen = choose_automatically(features, 2, 0, lambda _: None, any_set=False)
-        sets = make_sets(features, chosen, answers=True)
+    with open_trials([simulate_bag('texture', 'flexion', 4, seed=11)]) as trials:
+        chosen = choose_automatically(trials, Reading(), 2, 0, lambda _: None, any_set=False)
+        sets = make_sets(trials, Reading(), chosen, answers=True)
     options = {'folds': 2, 'repetitions': 1, 'details': False}
     with pytest.MonkeyPatch.context() as patch:
         # Two folds, and a rate that the half of the trials can bound.
@@ -82,8 +82,7 @@ def test_what_cannot_be_done_says_why_and_the_rest_is_done():
 
 
 def test_chosen_features_have_whole_names(texture_bag):
-    with open_features([texture_bag]) as features:
-        (table,) = features.tables().tables.values()
+    (table,) = read_tables([texture_bag]).values()
     names = ('one__size', 'other__size', *table.spec.names[2:])
     twins = dataclasses.replace(table, spec=dataclasses.replace(table.spec, names=names))
     assert select_features(twins, 'other__size').spec.names == ('other__size',)

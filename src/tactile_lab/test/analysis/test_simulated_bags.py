@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tactile_command import tactile
 
-from tactile_analysis.datasets.feature_tables import read_tables
+from tactile_analysis.datasets.feature_tables import compute_tables, open_trials, read_tables
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
@@ -173,9 +173,10 @@ def test_trial_aborted_in_or_after_its_hold_gives_no_features(simulator, tmp_pat
     events = read_events(bag.path)
     assert events['stiffness_flexion-7-0-sponge-0001'][-2].phase == 'hold'
     assert events['stiffness_flexion-7-0-pla-0000'][-2].phase == 'release'
-    found = read_tables([bag.path])
-    assert len(found.tables['stiffness', 'flexion']) == 8
-    for sentence, name in zip(found.left_out, ('pla-0000', 'sponge-0001'), strict=True):
+    with open_trials([bag.path]) as trials:
+        tables, left_out = compute_tables(trials)
+    assert len(tables['stiffness', 'flexion']) == 8
+    for sentence, name in zip(left_out, ('pla-0000', 'sponge-0001'), strict=True):
         assert f'{name}: the trial was aborted' in sentence
         assert 'no equilibrium at' in sentence
 
@@ -195,7 +196,7 @@ def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(simulat
     def simulate_design(design):
         folder = tmp_path / design
         assert run_simulate(folder, '--trials', 3, '--design', design).returncode == 0
-        (table,) = read_tables([folder / 'stiffness_flexion']).tables.values()
+        (table,) = read_tables([folder / 'stiffness_flexion']).values()
         return table
 
     table = simulate_design('as-published')

@@ -10,7 +10,7 @@ import pytest
 from tactile_command import ask_tactile, hear_tactile
 
 from tactile_analysis.datasets import bag_features
-from tactile_analysis.datasets.feature_tables import open_features, RecordingFeatures
+from tactile_analysis.datasets.feature_tables import compute_tables, open_trials, read_tables
 from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.wording import describe_answers
 from tactile_bags import TactileBag
@@ -32,8 +32,10 @@ from tactile_ros.errors import TactileError
 def train_on(bag, folder, window_s=None, **training):
     """Train on a bag as the command does; return the models."""
     given = {'folds': 2, 'repetitions': 1, 'output': Output(as_json=True), **training}
-    with open_features([bag], Reading(window_s=window_s)) as features:
-        return train_models(features, features.tables().tables, folder=folder, **given)
+    reading = Reading(window_s=window_s)
+    with open_trials([bag], reading) as trials:
+        tables, _ = compute_tables(trials, reading)
+        return train_models(trials, reading, tables, folder=folder, **given)
 
 
 def test_options_that_do_not_fit_are_refused(texture_bag, tmp_path):
@@ -45,18 +47,11 @@ def test_options_that_do_not_fit_are_refused(texture_bag, tmp_path):
     said = hear_tactile('train', texture_bag, '-o', tmp_path, *over, code=2)
     assert '--detrend and --over exclude each other' in said
     for window_s, reason in ((0.01, 'texture_samples is 1'), (9.0, 'no labelled trial')):
-        with (
-            pytest.raises(BagError, match=reason),
-            open_features([texture_bag], Reading(window_s=window_s)) as features,
-        ):
-            features.tables()
-    with (
-        pytest.raises(DatasetError, match='texture_spatial: early windows are not possible'),
-        open_features(
-            [texture_bag], Reading(window_s=0.5, features='texture_spatial')
-        ) as features,
-    ):
-        features.tables()
+        with pytest.raises(BagError, match=reason):
+            read_tables([texture_bag], reading=Reading(window_s=window_s))
+    spatial = Reading(window_s=0.5, features='texture_spatial')
+    with pytest.raises(DatasetError, match='texture_spatial: early windows are not possible'):
+        read_tables([texture_bag], reading=spatial)
 
 
 def test_each_length_has_a_model_file_and_none_is_replaced_unasked(texture_bag, tmp_path):
@@ -84,7 +79,7 @@ def test_a_model_that_exists_is_refused_before_features_are_computed(
 ):
     (tmp_path / 'texture_flexion_1s.npz').touch()
     computed = []
-    monkeypatch.setattr(RecordingFeatures, 'tables', lambda *_: computed.append(True))
+    monkeypatch.setattr(bag_features, 'compute_bag_tables', lambda *_: computed.append(True))
     said = hear_tactile('train', texture_bag, '-o', tmp_path, '--window', 'full,1', code=2)
     assert str(tmp_path / 'texture_flexion_1s.npz') in said
     assert '--force' in said
@@ -103,14 +98,10 @@ def test_accuracy_by_length_is_that_of_the_held_out_sessions(texture_bag, tmp_pa
 
 
 def test_glides_that_are_shorter_than_the_early_window_give_no_trial(texture_bag):
-    with open_features([texture_bag], Reading(window_s=3.6)) as features:
-        (table,) = features.tables().tables.values()
+    (table,) = read_tables([texture_bag], reading=Reading(window_s=3.6)).values()
     assert len(table) == 32
-    with (
-        open_features([texture_bag], Reading(window_s=3.7)) as features,
-        pytest.raises(BagError, match=r'the glide ended after .*, inside the window'),
-    ):
-        features.tables()
+    with pytest.raises(BagError, match=r'the glide ended after .*, inside the window'):
+        read_tables([texture_bag], reading=Reading(window_s=3.7))
 
 
 def test_a_trial_whose_early_window_is_refused_later_is_left_out(texture_bag, monkeypatch):
@@ -128,12 +119,13 @@ def test_a_trial_whose_early_window_is_refused_later_is_left_out(texture_bag, mo
         return replayed
 
     monkeypatch.setattr(bag_features, 'replay_phases', replay_and_refuse_one)
-    with open_features([texture_bag], Reading(window_s=0.5)) as features:
-        found = features.tables()
-    (table,) = found.tables.values()
+    reading = Reading(window_s=0.5)
+    with open_trials([texture_bag], reading) as trials:
+        tables, left_out = compute_tables(trials, reading)
+    (table,) = tables.values()
     assert len(table) == 31
     assert refused[0] not in table.columns['trial_id']
-    assert found.left_out == (f'{refused[0]}: the glide ended inside the window',)
+    assert left_out == (f'{refused[0]}: the glide ended inside the window',)
 
 
 @pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
@@ -157,8 +149,8 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
     # Tables of full and early windows are what the live extractor gives.
     tables = {}
     for spec, window_s in zip(both, (None, 0.5), strict=True):
-        with open_features([texture_bag], Reading(detrend=detrend, window_s=window_s)) as features:
-            (tables[spec.digest],) = features.tables().tables.values()
+        reading = Reading(detrend=detrend, window_s=window_s)
+        (tables[spec.digest],) = read_tables([texture_bag], reading=reading).values()
     assert len(windows) == sum(map(len, tables.values()))
     for window in windows:
         table = tables[window.specification_digest]

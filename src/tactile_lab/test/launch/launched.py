@@ -66,7 +66,7 @@ def simulated_bag(folder, protocol):
 
 def trained_model(folder, protocol):
     """Return a model file for a protocol in flexion, trained on a small simulated bag."""
-    tables = read_tables([simulated_bag(folder, protocol)]).tables
+    tables = read_tables([simulated_bag(folder, protocol)])
     path = model_path(folder, (protocol, 'flexion'))
     write_model(path, train(tables[protocol, 'flexion'], 'knn'))
     return path

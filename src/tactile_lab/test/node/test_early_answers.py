@@ -10,7 +10,7 @@ from domain_coordinator import domain_id
 import numpy as np
 import pytest
 
-from tactile_analysis.datasets.feature_tables import open_features, read_tables
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_analysis.datasets.reading import Reading
 from tactile_bags import TactileBag
 from tactile_bags.message_records import read_records
@@ -50,11 +50,9 @@ def models(simulate_bag, tmp_path):
     bag = simulate_bag('texture', 'flexion', 3, seed=5)
     folder = tmp_path / 'models'
     folder.mkdir()
-    with open_features([bag], Reading(window_s=0.5)) as features:
-        (early,) = features.tables().tables.values()
-    with open_features([bag]) as features:
-        (spatial,) = features.tables({'texture_features': 'texture_spatial'}).tables.values()
-        (full,) = features.tables().tables.values()
+    (early,) = read_tables([bag], reading=Reading(window_s=0.5)).values()
+    (spatial,) = read_tables([bag], {'texture_features': 'texture_spatial'}).values()
+    (full,) = read_tables([bag]).values()
     contacts = np.where(np.arange(len(early)) % 2, 'flexion', 'abduction')
     mixed = dataclasses.replace(early, columns={**early.columns, 'contact': contacts})
     write_model(folder / 'early.npz', train(mixed, 'knn'))
@@ -126,7 +124,7 @@ def test_the_model_of_half_a_second_answers_while_it_glides(models, tmp_path):
     counts = {c.classification_count for c in report.comparisons.values()}
     assert counts == {len(results.classifications)}
     # Without another word, training takes the full windows.
-    tables = read_tables([bag]).tables
+    tables = read_tables([bag])
     assert {t.spec.feature_set for t in tables.values()} == {'texture_spectrum', 'texture_spatial'}
     assert not any(table.spec.is_early for table in tables.values())
     (models / 'early.npz').rename(models / 'elsewhere.npz')

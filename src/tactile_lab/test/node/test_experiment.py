@@ -106,6 +106,6 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     assert len(replayed['fingers']) > 1
     assert replayed['equal']
 
-    (table,) = read_tables(folder.list_bags()).tables.values()
+    (table,) = read_tables(folder.list_bags()).values()
     assert set(table.column('trial_id')) == set(kept)
     assert len(table) == 3

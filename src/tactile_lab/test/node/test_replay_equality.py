@@ -19,7 +19,7 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from tactile_analysis.datasets.feature_tables import open_features
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_analysis.datasets.reading import Reading
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
@@ -89,8 +89,7 @@ def texture(simulate_bag, tmp_path_factory):
     source = simulate_bag('texture', 'flexion', 4, seed=5, sessions=2)
     models = tmp_path_factory.mktemp('texture_models')
     for window_s in (0.5, 1.5, None):
-        with open_features([source], Reading(window_s=window_s)) as features:
-            (table,) = features.tables().tables.values()
+        (table,) = read_tables([source], reading=Reading(window_s=window_s)).values()
         write_model(models / f'{window_s}.npz', train(table, 'knn'))
     bag = simulate_bag('texture', 'flexion', 1, seed=6)
     with TactileBag(bag) as recording:

@@ -23,7 +23,7 @@ from tactile_lab.replay_nodes import replay_through_nodes
 
 
 def train_model(bag, path, classifier='knn', change=lambda table: table, **options):
-    (table,) = read_tables([bag]).tables.values()
+    (table,) = read_tables([bag]).values()
     return write_model(path, train(change(table), classifier, **options))
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_analysis.datasets.bag_features import number_blocks
-from tactile_analysis.datasets.feature_tables import read_tables
+from tactile_analysis.datasets.feature_tables import compute_tables, open_trials, read_tables
 from tactile_bags import (
     BagWriter,
     EVENT,
@@ -19,6 +19,11 @@ from tactile_bags.errors import BagError
 from tactile_lab.simulation.simulated_trials import SAMPLES_PER_BLOCK
 
 
+def compute(bags):
+    with open_trials(bags) as trials:
+        return compute_tables(trials)
+
+
 @pytest.fixture
 def rewritten(rewrite, stiffness_bag, tmp_path):
     """Return what reads the tables of the bag after a change of its events."""
@@ -29,20 +34,20 @@ def rewritten(rewrite, stiffness_bag, tmp_path):
                 change(message)
             return message
 
-        return read_tables([rewrite(stiffness_bag, tmp_path / 'changed', change_event)])
+        return compute([rewrite(stiffness_bag, tmp_path / 'changed', change_event)])
 
     return read
 
 
 @pytest.fixture(scope='module')
 def usual(stiffness_bag):
-    return read_tables([stiffness_bag])
+    return compute([stiffness_bag])
 
 
 def test_table_has_one_row_a_trial_with_its_label_and_place(usual, stiffness_bag):
-    assert usual.left_out == ()
-    (table,) = usual.tables.values()
-    assert list(usual.tables) == [('stiffness', 'flexion')]
+    assert usual[1] == ()
+    (table,) = usual[0].values()
+    assert list(usual[0]) == [('stiffness', 'flexion')]
     assert table.values.shape == (15, 3)
     labels, counts = np.unique(table.labels, return_counts=True)
     assert labels.tolist() == ['none', 'pla', 'rubber_shell', 'solid_rubber', 'sponge']
@@ -65,14 +70,14 @@ def test_trials_with_lost_samples_or_without_a_label_are_left_out_and_told(
             message.object_label = ''
         return message
 
-    found = read_tables([rewrite(stiffness_bag, tmp_path / 'lossy', lose)])
-    (table,) = found.tables.values()
+    found = compute([rewrite(stiffness_bag, tmp_path / 'lossy', lose)])
+    (table,) = found[0].values()
     assert len(table) == 15 - 1 - 3
-    lost = [each for each in found.left_out if f'{SAMPLES_PER_BLOCK} samples are missing' in each]
+    lost = [each for each in found[1] if f'{SAMPLES_PER_BLOCK} samples are missing' in each]
     assert len(lost) == 1
-    assert sum('no label' in each for each in found.left_out) == 3
+    assert sum('no label' in each for each in found[1]) == 3
     # Refused trials with a label count in the end-to-end accuracy.
-    assert found.refused == {('stiffness', 'flexion'): 1}
+    assert found[0]['stiffness', 'flexion'].refused == 1
 
 
 def rename_protocols(event):
@@ -87,9 +92,9 @@ def forget_names(event):
 def test_windows_go_by_their_features_and_their_moment_whatever_they_are_called(
     rewritten, usual, change
 ):
-    found = rewritten(change).tables
+    found = rewritten(change)[0]
     assert list(found) == [('stiffness', 'flexion')]
-    expected = usual.tables['stiffness', 'flexion']
+    expected = usual[0]['stiffness', 'flexion']
     assert found['stiffness', 'flexion'].compute_sha256() == expected.compute_sha256()
 
 
@@ -134,9 +139,9 @@ def test_detected_trials_are_those_of_the_replay_whatever_was_recorded(stiffness
             writer.add_topic(EVENT_TOPIC)
             for message in (next(bag.messages(EVENT)), *bag.messages(STRAIN)):
                 writer.write_raw(message.topic, message.received_at_ns, message.data)
-    found = read_tables([path])
-    (table,) = found.tables.values()
-    assert found.left_out == ()
+    found = compute([path])
+    (table,) = found[0].values()
+    assert found[1] == ()
     assert len(set(table.column('trial_id'))) == len(table) == 15
     assert set(table.labels) == {'pla'}
     assert set(table.column('session_id')) == {'s1'}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from tactile_analysis.datasets.feature_tables import read_tables
+from tactile_analysis.datasets.feature_tables import compute_tables, open_trials
 from tactile_bags import (
     BagWriter,
     EVENT,
@@ -106,8 +106,9 @@ def record_hand(path, source, label):
 
 def test_recordings_of_a_hand_train_together(stiffness_bag, tmp_path):
     bags = [record_hand(tmp_path / name, stiffness_bag, name) for name in ('apple', 'sponge')]
-    read = read_tables(bags)
-    table = read.tables['stiffness', 'flexion']
-    assert read.left_out == ()
+    with open_trials(bags) as trials:
+        tables, left_out = compute_tables(trials)
+    table = tables['stiffness', 'flexion']
+    assert left_out == ()
     assert sorted(table.labels) == ['apple'] * 15 + ['sponge'] * 15
     assert set(table.columns['session_id']) == {'apples', 'sponges'}

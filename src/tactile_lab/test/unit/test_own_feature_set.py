@@ -12,7 +12,6 @@ import sys
 import numpy as np
 import pytest
 
-from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
@@ -99,8 +98,8 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
 ):
     x = np.random.default_rng(0).normal(size=(40, 1, 120))
     x *= np.repeat([1.0, 3.0], 20)[:, None, None]
-    trials = LabelledTrials(x, np.repeat(['smooth', 'rough'], 20), RATE_HZ, {})
-    table = table_from_trials('texture', trials, config=roughness)
+    labels = np.repeat(['smooth', 'rough'], 20)
+    table = table_from_trials('texture', x, labels, RATE_HZ, config=roughness)
     assert (table.task, table.spec.names) == ('texture', ('tension__rms', 'tension__range'))
     path = tmp_path / 'model.npz'
     model = write_model(path, train(table, 'knn'))

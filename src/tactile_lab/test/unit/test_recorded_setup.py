@@ -143,7 +143,7 @@ def test_parameters_that_cannot_be_are_refused(record, config):
 
 
 def test_each_specification_of_a_phase_has_a_table(record):
-    tables = read_tables([record(announce(USUAL, SETTLED))]).tables
+    tables = read_tables([record(announce(USUAL, SETTLED))])
     first, second = tables
     assert first == ('stiffness', 'flexion')
     assert second == ('stiffness', 'flexion', SETTLED.digest)
@@ -151,12 +151,12 @@ def test_each_specification_of_a_phase_has_a_table(record):
     assert tables[second].spec == SETTLED
     assert name_table(first, tables[first]) == 'stiffness, flexion'
     assert name_table(second, tables[second]) == 'stiffness, flexion, stiffness_regression'
-    alone = read_tables([record(announce(SETTLED), name='alone')]).tables[first]
+    alone = read_tables([record(announce(SETTLED), name='alone')])[first]
     assert alone.compute_sha256() == tables[second].compute_sha256()
 
 
 def test_a_recording_with_messages_and_one_with_metadata_are_read_together(record, stiffness_bag):
-    (table,) = read_tables([stiffness_bag, record(announce(GLIDE, USUAL))]).tables.values()
+    (table,) = read_tables([stiffness_bag, record(announce(GLIDE, USUAL))]).values()
     assert len(table) == 30
 
 
@@ -165,7 +165,7 @@ def test_named_features_make_recordings_alike(record, stiffness_bag):
     with pytest.raises(BagError, match=r'other feature parameters.*or give --features'):
         read_tables([stiffness_bag, other])
     chosen = {'stiffness_features': 'stiffness_relaxation'}
-    (table,) = read_tables([stiffness_bag, other], chosen).tables.values()
+    (table,) = read_tables([stiffness_bag, other], chosen).values()
     assert len(table) == 30
 
 

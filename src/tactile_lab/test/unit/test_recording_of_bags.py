@@ -11,7 +11,7 @@ import pytest
 from tactile_command import ask_tactile
 
 from tactile_analysis import TrialSet
-from tactile_analysis.datasets.feature_tables import features_of, open_features
+from tactile_analysis.datasets.feature_tables import compute_tables, open_trials
 from tactile_analysis.options import SourceError
 from tactile_analysis.report.recordings import usual_splits
 from tactile_analysis.report.summary import describe_sources
@@ -62,7 +62,7 @@ def test_a_bag_is_opened_once_and_replayed_as_ever(stiffness_bag, opened):
         (bag,) = recording.bags
         for _ in range(2):
             assert replay_phases(bag, recorded_features(bag), finish=True).windows == expected
-        recording.to_arrays()
+        recording.windows()
         assert [trial.signal.values.shape for trial in recording.trials]
     assert len(opened) == 1
 
@@ -126,9 +126,9 @@ def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_ba
     (wrong, *_), (*_, other) = labels, labels.values()
     entries.append({'kind': 'relabelled', 'trial_id': wrong, 'label': other})
     folder = make_experiment(tmp_path / 'one', stiffness_bag, entries)
-    with open_features([folder]) as features:
-        (table,) = features.tables().tables.values()
-        stated = {trial.name: trial.columns['specimen'] for trial in features.recording.trials}
+    with open_trials([folder]) as trials:
+        (table,) = compute_tables(trials)[0].values()
+        stated = {trial.name: trial.columns['specimen'] for trial in trials}
     trial_ids, specimens = (table.column(name).tolist() for name in ('trial_id', 'specimen'))
     assert dict(zip(trial_ids, specimens, strict=True)) == stated
     assert stated.pop(wrong) == other  # which plate it was is not stated
@@ -140,17 +140,17 @@ def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_ba
 
 def test_features_are_of_the_selected_and_relabelled_trials(stiffness_bag):
     with TrialSet.load(stiffness_bag) as trials:
-        (whole,) = features_of(trials).tables().tables.values()
+        (whole,) = compute_tables(trials)[0].values()
         label = trials.trials[0].label
         some = trials.select(f'label={label}')
         first = np.arange(len(some)) == 0
         changed = some.exclude(first, 'the object was loose').relabel(~first, 'cork')
-        found = features_of(changed).tables()
-        (table,) = found.tables.values()
+        tables, left_out = compute_tables(changed)
+        (table,) = tables.values()
         assert set(table.labels) == {'cork'}
         np.testing.assert_array_equal(table.values, whole.values[whole.labels == label][1:])
-        assert any('the object was loose' in sentence for sentence in found.left_out)
-        (again,) = features_of(trials).tables().tables.values()
+        assert any('the object was loose' in sentence for sentence in left_out)
+        (again,) = compute_tables(trials)[0].values()
         assert again.compute_sha256() == whole.compute_sha256()
 
 

@@ -52,7 +52,7 @@ def test_usual_conditions_are_the_simulators_bit_for_bit(study, trials, catalogu
 
 
 def test_features_are_those_of_a_bag(study, trials, stiffness_bag):
-    (table,) = read_tables([stiffness_bag]).tables.values()
+    (table,) = read_tables([stiffness_bag]).values()
     of_pla = table.values[table.labels == 'pla']
     rows = trials.extract(study.USUAL)
     # Stamps count from another beginning, in whole nanoseconds.

@@ -6,27 +6,44 @@
 The recordings are not part of the project: see their README for origin and licence.
 """
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_analysis.datasets.feature_tables import read_tables
+from tactile_analysis.datasets.reading import Reading
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_classifier.types import CLASSIFIERS, SCALINGS
-from tactile_features.config import FeatureConfig
+
+FOLDER = Path(os.environ.get('TACTILE_DATA', Path(__file__).parents[5] / 'shared' / 'data'))
+
+
+def read_table(name, **options):
+    """Return the features of a public recording; they are not part of the project."""
+    path = FOLDER / name
+    if not path.exists():
+        pytest.skip(f'{name} is not in {FOLDER}; set TACTILE_DATA to the folder that has it')
+    (table,) = read_tables([path], reading=Reading(**options)).values()
+    return table
+
+
+def read_fabrics(**options):
+    options = {'task': 'texture', 'where': 'balanced', 'channel': 'mean', **options}
+    return read_table('fabric_slide.npz', **options)
 
 
 @pytest.fixture(scope='module')
-def fabrics(load_recording):
-    trials = load_recording('fabric_slide.npz').where('balanced')
-    config = FeatureConfig(spectrum_detrend='mean')
-    return table_from_trials('texture', trials, 'mean', config=config)
+def fabrics():
+    return read_fabrics(detrend='mean')
 
 
 @pytest.fixture(scope='module')
-def holds(load_recording):
-    return table_from_trials('stiffness', load_recording('phac_hold.npz').between(1.0, 5.0))
+def holds():
+    return read_table('phac_hold.npz', task='stiffness', crop='1:5')
 
 
 def percent(evaluation, classifier, scaling):
@@ -41,11 +58,8 @@ def test_fabrics(fabrics):
     assert percent(evaluation, 'knn', 'none') == pytest.approx(91, abs=3)
 
 
-def test_fabrics_without_their_trend(load_recording):
-    trials = load_recording('fabric_slide.npz').where('balanced')
-    evaluation = evaluate(
-        table_from_trials('texture', trials, 'mean'), ['svm_linear'], ['none'], repetitions=3
-    )
+def test_fabrics_without_their_trend():
+    evaluation = evaluate(read_fabrics(), ['svm_linear'], ['none'], repetitions=3)
     assert percent(evaluation, 'svm_linear', 'none') == pytest.approx(88, abs=3)  # 79 with it
 
 
