@@ -144,7 +144,8 @@ def draw_matrix(
         percent = f'{100 * share:.0f}' if share else ''
         if text := percent if texts is None else texts[i][j]:
             colour = 'white' if share > 0.6 else INK
-            axes.text(j, i, text, ha='center', va='center', fontsize=6, color=colour)
+            cell = axes.text(j, i, text, ha='center', va='center', fontsize=6, color=colour)
+            cell.set_in_layout(False)  # it lies inside the axes; measuring all texts is slow
     axes.tick_params(length=0, labelsize=7)
     axes.spines[:].set_visible(True)
     axes.spines[:].set_alpha(0.3)

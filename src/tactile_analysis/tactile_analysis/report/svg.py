@@ -13,6 +13,7 @@ import re
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -98,11 +99,13 @@ def render(
                 weight='bold',
                 zorder=10,
             )
-        # savefig draws a figure that has a layout engine twice.
         layout.execute(figure)
         figure.set_layout_engine('none')
         stream = io.StringIO()
-        figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
+        # Unlike savefig, print_svg does not draw a figure twice that once had a layout engine.
+        metadata = {'Date': None, 'Creator': None}
+        canvas = FigureCanvasSVG(figure)
+        canvas.print_svg(stream, metadata=metadata)  # type: ignore[no-untyped-call]
     prefix = 'SIMULATED. ' if simulated else ''
     width_px = 96 * size_in[0]
     head = (

@@ -10,7 +10,7 @@ why aeon is not used.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import dataclasses
 from functools import lru_cache
 from typing import Any
@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from sklearn.base import BaseEstimator, ClassifierMixin
-from sklearn.linear_model import RidgeClassifierCV
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted
 
@@ -158,16 +157,11 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         values, labels = validate_data(self, X, y, dtype=np.float64)
         check_classification_targets(labels)
         rows = self._divide(values)
-        mean = rows.mean(axis=(0, 2))
-        self.references_ = np.stack([np.zeros_like(mean), mean])
-        self.convolutions_ = [
-            fit_convolutions(rows - reference[:, None], FEATURES, self.random_state + i)
-            for i, reference in enumerate(self.references_)
-        ]
-        ridge, spread = _fit_ridge(self._transform(rows), labels)
-        self.classes_ = ridge.classes_
-        self.coef_ = np.atleast_2d(ridge.coef_) / spread
-        self.intercept_ = np.atleast_1d(ridge.intercept_)
+        self._fit_convolutions(rows)
+        ridge = LeaveOneOutRidge(self._transform(rows))
+        self.classes_, dual, offset = ridge.solve(labels)
+        self.coef_ = dual.T @ ridge.scaled / ridge.spread
+        self.intercept_ = offset - self.coef_ @ ridge.mean
         return self
 
     def decision_function(self, X: npt.ArrayLike) -> Matrix:  # noqa: N803
@@ -184,24 +178,6 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         chosen = (scores > 0).astype(int) if scores.ndim == 1 else scores.argmax(axis=1)
         return np.asarray(self.classes_[chosen])
 
-    def predict_folds(
-        self,
-        values: Matrix,
-        labels: npt.NDArray[np.str_],
-        folds: Sequence[tuple[Indices, Indices]],
-    ) -> list[npt.NDArray[np.str_]]:
-        """Fit a linear classifier for each fold; return the predictions for its test trials.
-
-        The convolutions are not fitted again. They were therefore fitted to the waveforms of the
-        test trials, too, but not to their labels.
-        """
-        shares = self._transform(self._check(values))
-        answers = []
-        for train, test in folds:
-            ridge, spread = _fit_ridge(shares[train], labels[train])
-            answers.append(np.asarray(ridge.predict(shares[test] / spread)))
-        return answers
-
     def _check(self, values: npt.ArrayLike) -> Matrix:
         check_is_fitted(self)
         return self._divide(validate_data(self, values, dtype=np.float64, reset=False))
@@ -214,6 +190,14 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
             )
         return np.asarray(rows.reshape(len(rows), self.channels, -1))
 
+    def _fit_convolutions(self, rows: Matrix) -> None:
+        mean = rows.mean(axis=(0, 2))
+        self.references_ = np.stack([np.zeros_like(mean), mean])
+        self.convolutions_ = [
+            fit_convolutions(rows - reference[:, None], FEATURES, self.random_state + i)
+            for i, reference in enumerate(self.references_)
+        ]
+
     def _transform(self, rows: Matrix) -> Matrix:
         parts: Sequence[Matrix] = [
             convolutions.transform(rows - reference[:, None])
@@ -221,14 +205,93 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         ]
         return np.hstack(parts)
 
+    def predict_folds(
+        self,
+        values: Matrix,
+        labelings: Sequence[npt.NDArray[np.str_]],
+        folds: Sequence[tuple[Indices, Indices]],
+        known: Indices | slice = slice(None),
+    ) -> Iterator[list[npt.NDArray[np.str_]]]:
+        """Fit the convolutions once, and a linear classifier for each fold and labeling.
 
-def _fit_ridge(shares: Matrix, labels: npt.ArrayLike) -> tuple[RidgeClassifierCV, Matrix]:
-    """Fit a linear classifier to features that are divided by their spread.
+        Yields, for each fold, the predictions for its test trials: one array for each labeling.
+        Trials in ``known`` are used to fit the convolutions, but not their labels. By default,
+        these are all trials, so the waveforms of the test trials are used, too.
 
-    Returns the classifier and the divisor of each feature.
+        Parameters
+        ----------
+        values : ndarray of shape (trials, channels * samples)
+            Waveforms, as for `fit`.
+        labelings : sequence of ndarray of str, shape (trials,)
+            Labels of the trials; several if they are permuted, for example.
+        folds : sequence of (ndarray, ndarray)
+            Indices of training and of test trials.
+        known : ndarray of int or slice
+            Indices of the trials that the convolutions are fitted to.
+        """
+        rows = self._divide(values)
+        self._fit_convolutions(rows[known])
+        used = np.unique(np.concatenate([trials for fold in folds for trials in fold]))
+        shares = self._transform(rows[used])
+        for train, test in folds:
+            ridge = LeaveOneOutRidge(shares[np.searchsorted(used, train)])
+            likeness = ridge.compare(shares[np.searchsorted(used, test)])
+            yield [ridge.predict(likeness, labels[train]) for labels in labelings]
+
+
+class LeaveOneOutRidge:
+    """Ridge classifier whose penalty has the smallest leave-one-out error on the training trials.
+
+    This is `RidgeClassifierCV` of scikit-learn on standardized features, with the same result
+    except for rounding. The decomposition of the trials does not depend on the labels, so it is
+    computed once for many labelings.
+
+    ``mean`` and ``spread``, shape (k,), are those of the training trials; the spread is 1 for
+    features with equal values. ``scaled``, shape (trials, k), contains the standardized features.
     """
-    # The mean is not subtracted, because subtracting it would not change the classifier.
-    spread = shares.std(axis=0)
-    # For equal values, the computed spread is a rounding error such as 5e-17 instead of 0.
-    spread[(shares == shares[0]).all(axis=0)] = 1.0
-    return RidgeClassifierCV(alphas=ALPHAS).fit(shares / spread, labels), spread
+
+    def __init__(self, shares: Matrix) -> None:
+        """Decompose the features of the training trials, shape (trials, k)."""
+        self.mean = shares.mean(axis=0)
+        self.scaled = shares - self.mean
+        self.spread = np.sqrt(np.einsum('ij,ij->j', self.scaled, self.scaled) / len(shares))
+        # For equal values, the computed spread is a rounding error such as 5e-17 instead of 0.
+        self.spread[(shares == shares[0]).all(axis=0)] = 1.0
+        self.scaled /= self.spread
+        # The constant vector, which belongs to the intercept, gets an eigenvalue of its own.
+        self._values, self._vectors = np.linalg.eigh(self.scaled @ self.scaled.T + 1.0)
+        self._intercept = np.abs(self._vectors.sum(axis=0)).argmax()
+
+    def solve(self, labels: npt.NDArray[np.str_]) -> tuple[npt.NDArray[np.str_], Matrix, Matrix]:
+        """Return the classes, the weights of the training trials, and the intercepts.
+
+        The weights have shape (trials, classes), the intercepts (classes,). If there are two
+        classes, there is only one column, for the second class.
+        """
+        classes, codes = np.unique(labels, return_inverse=True)
+        targets = np.where(codes[:, np.newaxis] == np.arange(len(classes)), 1.0, -1.0)
+        if len(classes) == 2:
+            targets = targets[:, 1:]
+        offset = targets.mean(axis=0)
+        projected = self._vectors.T @ (targets - offset)
+        least, best = np.inf, np.zeros_like(targets)  # of one trial, nothing can be left out
+        for alpha in ALPHAS if len(labels) > 1 else ():
+            weights = 1.0 / (self._values + alpha)
+            weights[self._intercept] = 0.0  # no penalty
+            dual = self._vectors @ (weights[:, np.newaxis] * projected)
+            left_out = dual / (self._vectors**2 @ weights)[:, np.newaxis]
+            error = float((left_out**2).mean())
+            if error < least:
+                least, best = error, dual
+        return classes, best, offset
+
+    def compare(self, shares: Matrix) -> Matrix:
+        """Return the inner products of other trials with the training trials."""
+        return np.asarray((shares - self.mean) / self.spread @ self.scaled.T)
+
+    def predict(self, likeness: Matrix, labels: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
+        """Return the labels of the trials that were compared; ``labels`` are those of training."""
+        classes, dual, offset = self.solve(labels)
+        scores = likeness @ dual + offset
+        chosen = scores[:, 0] > 0 if len(classes) == 2 else scores.argmax(axis=1)
+        return np.asarray(classes[chosen.astype(np.intp)])

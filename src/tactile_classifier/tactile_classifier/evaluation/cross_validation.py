@@ -140,20 +140,18 @@ class AccuracyPlan:
             build_estimator(*pair)  # if a name is invalid, the error is raised here
 
     def tasks(self) -> list[Task]:
-        """Return one task for each classifier, scaling and repetition."""
+        """Return one task for each repetition."""
         table = self._table
         return [
-            (predict_folds, (*pair, table.values, table.labels, folds, table.channels))
-            for pair in self._pairs
+            (predict_folds, (self._pairs, table.values, table.labels, folds, table.channels))
             for folds in self._split.repeats
         ]
 
-    def finish(self, answers: Sequence[Answers]) -> Evaluation:
+    def finish(self, answers: Sequence[Sequence[Answers]]) -> Evaluation:
         """Return the scores computed from the predictions."""
-        repeats = len(self._split.repeats)
         scores = [
-            make_score(*pair, self._table, self._split, answers[i * repeats : (i + 1) * repeats])
-            for i, pair in enumerate(self._pairs)
+            make_score(*pair, self._table, self._split, of_pair)
+            for pair, of_pair in zip(self._pairs, zip(*answers, strict=True), strict=True)
         ]
         return make_evaluation(self._table, self._split, scores)
 
@@ -311,34 +309,53 @@ def list_pairs(
 
 
 def predict_folds(
-    classifier: str,
-    scaling: str,
+    pairs: Sequence[tuple[str, str]],
     values: npt.NDArray[np.float64],
     labels: npt.NDArray[np.str_],
     folds: Sequence[Fold],
     channels: int = 1,
-) -> Answers:
-    """Fit to the training trials of each fold; return the predictions for its test trials."""
-    answers = []
+) -> list[Answers]:
+    """Fit classifiers to the training trials of each fold, and predict its test trials.
+
+    Returns the predictions for each fold, for each pair of classifier and scaling. The pairs share
+    the scaled features. A decision tree does not depend on scaling, so it is fitted once.
+    """
+    names, codes = np.unique(labels, return_inverse=True)  # scikit-learn checks numbers faster
+    answers: list[Answers] = [[] for _ in pairs]
     for train, test in folds:
-        estimator = build_estimator(classifier, scaling, channels)
-        estimator.fit(values[train], labels[train])
-        answers.append(estimator.predict(values[test]))
+        features = {'none': (values[train], values[test])}
+        said = dict[tuple[str, str], npt.NDArray[np.str_]]()
+        for (classifier, scaling), of_pair in zip(pairs, answers, strict=True):
+            key = classifier, 'none' if classifier == 'tree' else scaling
+            if key not in said:
+                *scalers, machine = build_estimator(*key, channels)
+                for scaler in scalers:
+                    if scaling not in features:
+                        fitted = scaler.fit(values[train])
+                        features[scaling] = tuple(map(fitted.transform, features['none']))
+                known, new = features[key[1]]
+                said[key] = names[machine.fit(known, codes[train]).predict(new)]
+            of_pair.append(said[key])
     return answers
 
 
-def prepare_folds(
-    classifier: str, scaling: str, table: FeatureTable
-) -> Callable[[npt.NDArray[np.str_], Sequence[Fold]], Answers]:
-    """Return a function of labels and folds that predicts the test trials of each fold.
+def predict_permuted(
+    classifier: str,
+    scaling: str,
+    table: FeatureTable,
+    labelings: Sequence[npt.NDArray[np.str_]],
+    folds: Sequence[Fold],
+) -> list[Answers]:
+    """Like `predict_folds`, with one classifier, for each of several arrays of labels.
 
-    For many folds of the same trials: random convolutions are fitted once to all trials, because
-    they do not depend on the labels.
+    Random convolutions are fitted once to all trials, because they do not depend on the labels.
     """
     if classifier != ROCKET:
-        return lambda labels, folds: predict_folds(
-            classifier, scaling, table.values, labels, folds, table.channels
-        )
-    estimator = build_estimator(classifier, scaling, table.channels)
-    estimator.fit(table.values, table.labels)
-    return lambda labels, folds: list(estimator[-1].predict_folds(table.values, labels, folds))
+        pairs = [(classifier, scaling)]
+        return [
+            predict_folds(pairs, table.values, labels, folds, table.channels)[0]
+            for labels in labelings
+        ]
+    machine = build_estimator(classifier, scaling, table.channels)[-1]
+    by_fold = machine.predict_folds(table.values, labelings, folds)
+    return [list(answers) for answers in zip(*by_fold, strict=True)]

@@ -163,7 +163,8 @@ def compare_selection(
     """Compare all features with selected features in one fold, for each classifier and scaling.
 
     The number of features with the best accuracy over the inner folds is used. If several numbers
-    have the same accuracy, the smallest is used.
+    have the same accuracy, the smallest is used. A number is no longer tested once it cannot
+    become better than a smaller one.
     """
     train, _ = fold
     strata = np.zeros(len(labels), dtype=np.intp) if strata is None else strata
@@ -172,22 +173,31 @@ def compare_selection(
         for part in (train, *(some for some, _ in inner))
     )
 
-    def is_right(pair: tuple[str, str], columns: npt.NDArray[np.intp], part: Fold) -> Matrix:
+    def find_right(
+        of_pairs: Sequence[int], columns: npt.NDArray[np.intp], part: Fold
+    ) -> list[Matrix]:
         chosen = np.ascontiguousarray(values[:, columns])
-        (said,) = predict_folds(*pair, chosen, labels, [part])
-        return np.asarray(said == labels[part[1]], dtype=np.float64)
+        found = predict_folds([pairs[i] for i in of_pairs], chosen, labels, [part])
+        return [np.asarray(said == labels[part[1]], dtype=np.float64) for (said,) in found]
 
-    results = []
-    for pair in pairs:
-        right_counts = [
-            sum(
-                is_right(pair, order[:count], part).sum()
-                for order, part in zip(inner_ranked, inner, strict=True)
-            )
-            for count in counts
-        ]
-        best = counts[int(np.argmax(right_counts))]
-        everything = np.arange(values.shape[1])
-        right = (is_right(pair, columns, fold) for columns in (everything, ranked[:best]))
-        results.append(FoldSelection(best, *right))
-    return results
+    every_pair = range(len(pairs))
+    most_right, best = np.full(len(pairs), -1.0), np.zeros(len(pairs), dtype=np.intp)
+    for count in counts:
+        right, open_pairs = np.zeros(len(pairs)), list(every_pair)
+        left = sum(len(held_out) for _, held_out in inner)
+        for order, part in zip(inner_ranked, inner, strict=True):
+            open_pairs = [i for i in open_pairs if right[i] + left > most_right[i]]
+            if open_pairs:
+                found = find_right(open_pairs, order[:count], part)
+                right[open_pairs] += [each.sum() for each in found]
+            left -= len(part[1])
+        for i in open_pairs:
+            if right[i] > most_right[i]:
+                most_right[i], best[i] = right[i], count
+    all_right = find_right(every_pair, np.arange(values.shape[1]), fold)
+    selected_right = dict[int, Matrix]()
+    for count in np.unique(best):
+        of_count = np.flatnonzero(best == count).tolist()
+        found = find_right(of_count, ranked[:count], fold)
+        selected_right.update(zip(of_count, found, strict=True))
+    return [FoldSelection(int(best[i]), all_right[i], selected_right[i]) for i in every_pair]

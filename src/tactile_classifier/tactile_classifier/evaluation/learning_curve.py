@@ -16,7 +16,7 @@ from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import Fold, grouped_split, LEAST_TO_TRAIN
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
-from tactile_classifier.evaluation.cross_validation import prepare_folds
+from tactile_classifier.evaluation.cross_validation import predict_permuted
 from tactile_classifier.evaluation.intervals import (
     accuracy_interval,
     difference_interval,
@@ -124,22 +124,17 @@ def measure_learning_curve(
     assert split.groups is not None
     tests = [test for _, test in split.repeats[0]]
     folds = _draw(table.labels, split.groups, tests, group, random_state)
-    predict = prepare_folds(classifier, scaling, table)
     labels = table.labels
+    drawn = [fold for by_group in folds.values() for draws in by_group for fold in draws]
+    (answers,) = predict_permuted(classifier, scaling, table, [labels], drawn)
+    right = iter(
+        float(np.mean(said == labels[test]))
+        for (_, test), said in zip(drawn, answers, strict=True)
+    )
     shares = dict[int, npt.NDArray[np.float64]]()
     points = list[LearningPoint]()
     for count, by_group in folds.items():
-        share = np.array(
-            [
-                np.mean(
-                    [
-                        np.mean(said == labels[test])
-                        for (_, test), said in zip(draws, predict(labels, draws), strict=True)
-                    ]
-                )
-                for draws in by_group
-            ]
-        )
+        share = np.array([np.mean([next(right) for _ in draws]) for draws in by_group])
         trials = np.mean([len(train) for draws in by_group for train, _ in draws])
         interval = accuracy_interval(share, 'groups')
         points.append(LearningPoint(count, float(trials), float(share.mean()), interval))

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Split
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
-from tactile_classifier.evaluation.cross_validation import prepare_folds
+from tactile_classifier.evaluation.cross_validation import Answers, predict_permuted
 from tactile_classifier.evaluation.intervals import Result
 
 PERMUTATIONS = 20
@@ -53,15 +53,16 @@ def measure_permutation(
     split = split.once()
     (folds,) = split.repeats
     groups = np.zeros(len(table), dtype=np.intp) if split.groups is None else split.groups
-    predict = prepare_folds(classifier, scaling, table)
-
-    def measure(labels: npt.NDArray[np.str_]) -> float:
-        answers = zip(folds, predict(labels, folds), strict=True)
-        return float(np.mean([np.mean(said == labels[test]) for (_, test), said in answers]))
-
     rng = np.random.default_rng(random_state)
-    true = measure(table.labels)
-    permuted = [measure(permute_labels(table.labels, groups, rng)) for _ in range(PERMUTATIONS)]
+    permuted_labels = [permute_labels(table.labels, groups, rng) for _ in range(PERMUTATIONS)]
+    labelings = [table.labels, *permuted_labels]
+    answers = predict_permuted(classifier, scaling, table, labelings, folds)
+
+    def measure(labels: npt.NDArray[np.str_], said: Answers) -> float:
+        each = zip(folds, said, strict=True)
+        return float(np.mean([np.mean(of_fold == labels[test]) for (_, test), of_fold in each]))
+
+    true, *permuted = map(measure, labelings, answers)
     reached = sum(each >= true - 1e-9 for each in permuted)
     return PermutationBaseline(
         classifier,

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import dataclasses
 import time
 from typing import Any, NamedTuple
@@ -417,23 +417,33 @@ def _answer_fold(
     right, tested = np.zeros(len(labels)), np.zeros(len(labels))
     time_s = 0.0
     for part in np.unique(parts[fold[0]]):
-        train, test = _select(parts == part, fold)
+        outer = _select(parts == part, fold)
+        folds = [outer, *(_select(parts == part, each) for each in inner)]
+        answers = _predict_each(pair, table, [each for each in folds if len(each[1])], outer[0])
         start_s = time.perf_counter()
-        estimator = build_estimator(*pair, table.channels)
-        estimator.fit(table.values[train], labels[train])
-        if len(test):
-            said[test] = estimator.predict(table.values[test])
-        time_s += time.perf_counter() - start_s
-        inside = [each for each in (_select(parts == part, one) for one in inner) if len(each[1])]
-        if candidate.classifier == ROCKET and inner:
-            answers = estimator[-1].predict_folds(table.values, labels, inside)
-        else:
-            answers = predict_folds(*pair, table.values, labels, inside, table.channels)
+        if len(outer[1]):
+            said[outer[1]] = next(answers)
+            time_s += time.perf_counter() - start_s
+        inside = [each for each in folds[1:] if len(each[1])]
         for (_, held_out), answer in zip(inside, answers, strict=True):
             right[held_out] += answer == labels[held_out]
             tested[held_out] += 1
     with np.errstate(invalid='ignore'):
         return FoldAnswers(said[fold[1]], right / tested, time_s)
+
+
+def _predict_each(
+    pair: tuple[str, str], table: FeatureTable, folds: Sequence[Fold], known: Indices
+) -> Iterator[npt.NDArray[np.str_]]:
+    """Yield the predictions of one fold after the other, each when it is asked for."""
+    if pair[0] == ROCKET:
+        machine = build_estimator(*pair, table.channels)[-1]
+        for (said,) in machine.predict_folds(table.values, [table.labels], folds, known):
+            yield said
+    else:
+        for fold in folds:
+            ((said,),) = predict_folds([pair], table.values, table.labels, [fold], table.channels)
+            yield said
 
 
 def _rank(candidate: Candidate) -> tuple[int, bool]:

@@ -9,14 +9,20 @@ import sys
 
 import numpy as np
 import pytest
+from sklearn.linear_model import RidgeClassifierCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators import convolutions as convolutions_module
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 from tactile_classifier.estimators.random_convolutions import (
+    ALPHAS,
     fit_convolutions,
+    LeaveOneOutRidge,
     RandomConvolutionClassifier,
 )
 from tactile_classifier.evaluation.cross_validation import evaluate, list_pairs
@@ -200,6 +206,46 @@ def test_the_model_file_answers_as_the_estimator(few_features, channels, classes
     np.testing.assert_allclose(found.scores, trained.calibration.compute(raw), atol=1e-9, rtol=0)
     np.testing.assert_allclose(found.novelty, trained.novelty.compute(others), rtol=1e-6)
     np.testing.assert_array_equal(found.scores.argmax(axis=1), found.answer)
+
+
+@pytest.mark.parametrize('classes', [2, 3])
+def test_the_linear_classifier_is_that_of_scikit_learn(classes):
+    rng = np.random.default_rng(classes)
+    labels = np.resize(['a', 'b', 'c'][:classes], 60)
+    chosen = set()
+    for effect in (0.0, 0.3, 3.0):  # different penalties are the best ones
+        values = 0.4 + rng.normal(size=(60, 200))
+        values[:, :50] += effect * np.unique(labels, return_inverse=True)[1][:, np.newaxis]
+        values[:, 7], values[:, 9] = 0.3, 1e4 * values[:, 9]
+        peer = make_pipeline(StandardScaler(), RidgeClassifierCV(ALPHAS))
+        peer.fit(values[:40], labels[:40])
+        chosen.add(peer[-1].alpha_)
+        ridge = LeaveOneOutRidge(values[:40])
+        likeness = ridge.compare(values[40:])
+        names, dual, offset = ridge.solve(labels[:40])
+        expected = peer.decision_function(values[40:]).reshape(20, -1)
+        np.testing.assert_allclose(likeness @ dual + offset, expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_array_equal(names, peer.classes_)
+        expected = peer.predict(values[40:])
+        np.testing.assert_array_equal(ridge.predict(likeness, labels[:40]), expected)
+    assert len(chosen) > 1
+
+
+def test_labelings_and_folds_are_predicted_together_as_one_by_one(few_features):
+    table = waveform_table(classes=3)
+    values, labels = table.values, table.labels
+    shuffled = np.random.default_rng(0).permutation(labels)
+    (train, test), *_ = folds = stratified_split(table, 3, 1).repeats[0]
+    model = RandomConvolutionClassifier()
+    together = list(model.predict_folds(values, [labels, shuffled], folds))
+    for i, labeling in enumerate((labels, shuffled)):
+        for fold, found in zip(folds, together, strict=True):
+            ((alone,),) = model.predict_folds(values, [labeling], [fold])
+            np.testing.assert_array_equal(found[i], alone)
+    # With convolutions of the training trials, a fold is an ordinary fit.
+    ((said,),) = model.predict_folds(values, [labels], [(train, test)], train)
+    expected = model.fit(values[train], labels[train]).predict(values[test])
+    np.testing.assert_array_equal(said, expected)
 
 
 def test_a_share_that_is_equal_in_all_training_trials_has_no_weight():

@@ -19,9 +19,10 @@ from scipy.stats import mannwhitneyu, norm
 from tactile_classifier.datasets.conditions import find_mountings, find_strata
 from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
 from tactile_classifier.evaluation.feature_selection import (
     choose_counts,
+    compare_selection,
     FoldSelection,
     SelectionPlan,
 )
@@ -292,13 +293,36 @@ def test_selection_on_nothing_but_noise_invents_no_accuracy():
     table = make_table(np.repeat(['a', 'b'], 80), values, day=day)
     seen = rank_features(table.values, table.labels)[:20]
     folds = stratified_split(table).repeats[0]
-    answers = predict_folds('svm_linear', 'none', table.values[:, seen], table.labels, folds)
+    pairs = [('svm_linear', 'none')]
+    (answers,) = predict_folds(pairs, table.values[:, seen], table.labels, folds)
     tested = [table.labels[test] for _, test in folds]
     assert np.mean(np.concatenate(answers) == np.concatenate(tested)) > 0.65
     for split in (stratified_split(table, 5, 1), grouped_split(table, ['day'])):
         ((result,),) = run_plans([SelectionPlan(table, split, ['svm_linear'], ['none'])])
         assert result.selected_mean == pytest.approx(0.5, abs=0.12)
         assert result.verdict != 'helps'
+
+
+def test_the_count_of_features_is_that_of_a_search_through_all_counts():
+    """Counts that cannot become better than a smaller one are not tested to the end."""
+    generator = np.random.default_rng(4)
+    code = np.repeat([0, 1, 2], 20)
+    values = generator.normal(0.0, 1.0, (60, 40))
+    values[:, ::8] += 1.5 * code[:, None]
+    table = make_table(np.array(['a', 'b', 'c'])[code], values)
+    split = stratified_split(table, 3, 1)
+    pairs = list_pairs(table)
+    counts = choose_counts(40)
+    for fold in split.repeats[0]:
+        inner = split.divide_again(fold[0], table.labels, 0)
+        right = np.zeros((len(pairs), len(counts)), dtype=int)
+        for part in inner:
+            order = rank_features(values[part[0]], table.labels[part[0]])
+            for j, count in enumerate(counts):
+                said = predict_folds(pairs, values[:, order[:count]], table.labels, [part])
+                right[:, j] += [(each == table.labels[part[1]]).sum() for (each,) in said]
+        found = compare_selection(pairs, values, table.labels, fold, inner, counts)
+        assert [each.count for each in found] == [counts[i] for i in right.argmax(axis=1)]
 
 
 def test_holm_is_that_of_the_textbook():

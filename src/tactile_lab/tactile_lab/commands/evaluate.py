@@ -87,8 +87,8 @@ def evaluate(
         typer.Option(
             '--answers',
             help='Also evaluate the rejection of unknown objects, with each label left out once, '
-            'and the calibration of probabilities. Takes about half a minute more for each set '
-            'of texture trials.',
+            'and the calibration of probabilities. Takes a few seconds more for each set of '
+            'texture trials.',
         ),
     ] = False,
     seed: options.SeedOption = 0,
