@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
-from tactile_classifier.evaluation.intervals import COVERAGE_WITH_TRAINING, Interval
+from tactile_classifier.evaluation.intervals import format_coverage, Interval
 from tactile_classifier.types import CLASSIFIER_TITLES, PROBABILITY, short_scaling
 
 if TYPE_CHECKING:
@@ -40,9 +40,10 @@ def format_span(interval: Interval) -> str:
 def format_nested(choice: FeatureChoice) -> str:
     """Return the nested accuracy of the automatic choice as text."""
     nested = choice.nested
+    coverage = format_coverage(nested.spread_of, [nested.mean], chosen=True)
     return (
         f'accuracy of this selection procedure: {100 * nested.mean:.1f} % '
-        f'({nested.split}; {format_span(nested.interval)}); '
+        f'({nested.split}; {format_span(nested.interval)}{coverage}); '
         f'chance {100 * choice.evaluation.chance:.1f} %'
     )
 
@@ -60,14 +61,6 @@ def _has_spread(score: Score) -> bool:
     return len(score.fold_accuracies) > 1
 
 
-def format_coverage(spread_of: str) -> str:
-    """Return the measured coverage of intervals over held-out groups; empty for other ones."""
-    if spread_of != 'groups':
-        return ''
-    least, most = COVERAGE_WITH_TRAINING
-    return f', measured coverage {100 * least:.0f} to {100 * most:.0f} %'
-
-
 def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
     """Return the caption of `accuracy_table`."""
     first = evaluation.scores[0]
@@ -78,7 +71,8 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
     if _has_spread(first):
         parts.insert(1, f'± standard deviation over {first.spread_of}')
     if intervals and any(not score.interval.reason for score in evaluation.scores):
-        parts.insert(-1, f'in brackets the 95 % interval{format_coverage(first.spread_of)}')
+        coverage = format_coverage(first.spread_of, [score.mean for score in evaluation.scores])
+        parts.insert(-1, f'in brackets the 95 % interval{coverage}')
     return '; '.join(parts)
 
 

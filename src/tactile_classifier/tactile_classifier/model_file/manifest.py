@@ -346,14 +346,19 @@ def _format_accuracy(manifest: Manifest) -> str:
     folds. If there was no cross-validation, it is the accuracy on the held-out trials of the
     calibration.
     """
+    from tactile_classifier.evaluation.intervals import format_coverage  # a node needs no card
+
     score, calibration = manifest.cross_validation, manifest.calibration
     if score:
-        inside = ', chosen inside the folds' if 'choice' in score else ''
+        is_chosen = 'choice' in score
+        inside = ', chosen inside the folds' if is_chosen else ''
         interval = score['interval']
+        coverage = format_coverage(score.get('spread_of', ''), [score['mean']], chosen=is_chosen)
         span = (
             f'no interval: {interval["reason"]}'
             if 'reason' in interval
             else f'95 % interval {100 * interval["low"]:.1f} to {100 * interval["high"]:.1f} %'
+            f'{coverage}'
         )
         return f'{100 * score["mean"]:.1f} % ({score["split"]}{inside}; {span})'
     if manifest.confidence.accuracy >= 0.0 and 'split' in calibration:

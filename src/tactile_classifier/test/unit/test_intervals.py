@@ -13,6 +13,7 @@ from tactile_classifier.evaluation.intervals import (
     accuracy_interval,
     difference_interval,
     difference_p_value,
+    format_coverage,
 )
 from tactile_classifier.evaluation.model_accuracy import compare_predictions, score_predictions
 from tactile_classifier.types import NO_ANSWER, UNKNOWN
@@ -141,3 +142,12 @@ def test_intervals_of_equal_models_hold_zero_in_nineteen_of_twenty():
         interval = compare_predictions(*draw(6, 30, (0.7, 0.7), seed)).interval
         missed += not interval.reason and not interval.low <= 0.0 <= interval.high
     assert missed <= binom.ppf(0.999, 200, 0.05)
+
+
+def test_the_measured_coverage_is_stated_for_held_out_groups():
+    """Not for the exact binomial interval, where all groups are completely right or wrong."""
+    assert format_coverage('groups', [1.0, 0.9]) == (
+        '; such intervals contained the true accuracy in 84 to 95 % of simulated experiments'
+    )
+    assert 'in 87 to 88 %' in format_coverage('groups', [0.9], chosen=True)
+    assert format_coverage('groups', [1.0, 0.0]) == format_coverage('repetitions', [0.9]) == ''

@@ -221,6 +221,11 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
             ['a label occurs in only one of them'],
             [],
         ),
+        (
+            {'cross_validation': {**GOOD.cross_validation, 'spread_of': 'groups'}},
+            ['95 % interval 80.0 to 95.0 %; such intervals contained the true accuracy in 84 to'],
+            [],
+        ),
         # Too few trials for the rate: that is the reason, not the sessions.
         (
             {'training': SEVERAL, 'calibration': {'reason': '12 trials cannot'}},
