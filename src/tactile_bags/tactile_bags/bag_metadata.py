@@ -79,7 +79,7 @@ def parse_metadata(text: str) -> BagMetadata:
             custom={str(k): str(v) for k, v in (document.get('custom_data') or {}).items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BagError(f'its format is not that of rosbag2 ({error!r})') from error
+        raise BagError(f'it does not have the format of rosbag2 ({error!r})') from error
     if storage not in ('mcap', 'sqlite3'):
         raise BagError(f'the storage "{storage[:40]}" is not supported; use mcap or sqlite3')
     if packing and (packing not in ('file', 'message') or packed_as != 'zstd'):

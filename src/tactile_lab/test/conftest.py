@@ -9,11 +9,12 @@ import sys
 
 import pytest
 
-from tactile_bags import BagWriter, RecordedTopic, TactileBag
+from tactile_bags import BagWriter, TactileBag
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
+from tactile_ros.topics import RecordedTopic
 
 # What several test files share lies beside them and is no part of the package.
 sys.path.insert(0, str(Path(__file__).parent))

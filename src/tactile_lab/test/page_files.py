@@ -14,7 +14,7 @@ import shutil
 
 import numpy as np
 
-from tactile_bags import EVENT
+from tactile_ros.topics import EVENT
 
 
 @dataclass(frozen=True)

@@ -202,7 +202,7 @@ class BagRecorderNode(PollingNode):
                 self._record(arrival)
 
     def _in_order(self, arrival: _Arrival) -> _Arrival:
-        """Return the arrival; its time is at least that of the previous arrival on its topic.
+        """Return the arrival with a time not earlier than the previous arrival on its topic.
 
         The middleware delivers the messages of a topic in the order in which they were sent. If a
         message was latched or sent again, it may have arrived after a message that was sent later.
@@ -449,7 +449,7 @@ class BagRecorderNode(PollingNode):
 
 
 def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
-    """Return the events except those of trials that have ended; all are serialised.
+    """Return the serialised events without the events of trials that have ended.
 
     If ``known`` contains an event of a trial, all events of the trial are kept.
     """

@@ -8,19 +8,10 @@ import pytest
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
-from tactile_bags import (
-    BagWriter,
-    EVENT,
-    EVENT_TOPIC,
-    FEATURES,
-    FEATURES_TOPIC,
-    message_store,
-    STRAIN,
-    STRAIN_TOPIC,
-    TactileBag,
-)
+from tactile_bags import BagWriter, message_store, TactileBag
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
+from tactile_ros.topics import EVENT, EVENT_TOPIC, FEATURES, FEATURES_TOPIC, STRAIN, STRAIN_TOPIC
 
 
 def block(store, sequence, values):

@@ -8,8 +8,9 @@ import resource
 
 import pytest
 
-from tactile_bags import BagWriter, STRAIN_TOPIC, TactileBag
+from tactile_bags import BagWriter, TactileBag
 from tactile_bags.errors import BagError
+from tactile_ros.topics import STRAIN_TOPIC
 
 MESSAGE = bytes(10_000)
 

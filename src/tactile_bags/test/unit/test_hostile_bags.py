@@ -31,12 +31,13 @@ from mcap.records import (
 import pytest
 import zstandard
 
-from tactile_bags import STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.bag_metadata import parse_metadata
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import MAGIC
 from tactile_ros.errors import TactileError
+from tactile_ros.topics import STRAIN
 from tactile_ros.yaml_files import load_yaml
 
 STRAIN_NAME = '/tendon_sensor/strain'

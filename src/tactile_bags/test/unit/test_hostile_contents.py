@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from tactile_bags import BagMessage, BagWriter, EVENT, STRAIN, STRAIN_TOPIC, TactileBag
+from tactile_bags import BagMessage, BagWriter, TactileBag
 from tactile_bags.audit import FingerAuditor
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
@@ -27,6 +27,7 @@ from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.types import TrialEvent
 from tactile_ros.errors import MessageError
 from tactile_ros.strain import StrainBlock
+from tactile_ros.topics import EVENT, STRAIN, STRAIN_TOPIC
 
 
 def write_bag(path):

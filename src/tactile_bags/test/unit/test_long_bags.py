@@ -13,9 +13,10 @@ from mcap.reader import make_reader, NonSeekingReader
 from mcap.writer import CompressionType, Writer
 import pytest
 
-from tactile_bags import BagWriter, message_store, STRAIN, STRAIN_TOPIC, TactileBag
+from tactile_bags import BagWriter, message_store, TactileBag
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.mcap_reader import McapFile
+from tactile_ros.topics import STRAIN, STRAIN_TOPIC
 
 SIZE = 9000
 COUNT = 300

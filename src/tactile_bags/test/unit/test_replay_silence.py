@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from tactile_bags import BagWriter, EVENT_TOPIC, FEATURES_TOPIC, STRAIN_TOPIC, TactileBag
+from tactile_bags import BagWriter, TactileBag
 from tactile_bags.recorded_setup import computable_features, recorded_features
 from tactile_bags.replay import (
     compare,
@@ -27,7 +27,13 @@ from tactile_features.conversions import (
 )
 from tactile_features.extraction.extractor import GRACE_S
 from tactile_ros.strain import StrainBlock, StrainStatus
-from tactile_ros.topics import JOINT_STATE, RecordedTopic
+from tactile_ros.topics import (
+    EVENT_TOPIC,
+    FEATURES_TOPIC,
+    JOINT_STATE,
+    RecordedTopic,
+    STRAIN_TOPIC,
+)
 from tendon_sensor_driver.conversions import to_strain_msg
 
 S = 1_000_000_000

@@ -6,11 +6,11 @@
 import pytest
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from tactile_bags import BagWriter, message_store, STRAIN_TOPIC, TactileBag
+from tactile_bags import BagWriter, message_store, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import StoredTopic
 from tactile_bags.message_types import qos_text
-from tactile_ros.topics import MODELS
+from tactile_ros.topics import MODELS, STRAIN_TOPIC
 
 DEFINITION = message_store().generate_msgdef(MODELS, ros_version=2)[0]
 QOS = qos_text(latched=True)

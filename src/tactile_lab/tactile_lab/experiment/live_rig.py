@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.node import Node
 
-from tactile_bags import FEATURES_TOPIC, SPECIFICATIONS_TOPIC, STRAIN_TOPIC
 from tactile_bags.audit import Audit
 from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
@@ -54,6 +53,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.lifecycle import MessageGuard
 from tactile_ros.qos import LATEST, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock
+from tactile_ros.topics import FEATURES_TOPIC, SPECIFICATIONS_TOPIC, STRAIN_TOPIC
 from tactile_sim.errors import RigError, TautTendonError
 from tactile_sim.rig_process import SimulatedRig
 

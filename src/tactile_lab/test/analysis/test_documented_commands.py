@@ -28,12 +28,12 @@ import pytest
 from tactile_command import ask_tactile, tactile
 
 from tactile_analysis import read_tables
-from tactile_bags import EVENT
 from tactile_classifier import train, write_model
 from tactile_lab import program
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import BEGAN, ENDED, GOOD, Journal, note
 from tactile_lab.experiment.plan import read_plan
+from tactile_ros.topics import EVENT
 
 if not (ROOT / 'docs').is_dir():
     pytest.skip('the packages are not in their own repository', allow_module_level=True)

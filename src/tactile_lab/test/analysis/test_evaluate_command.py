@@ -8,11 +8,11 @@ import pytest
 from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
 from tactile_analysis.trial_set import select_trials
-from tactile_bags import EVENT
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 from tactile_ros.errors import TactileError
+from tactile_ros.topics import EVENT
 from tactile_testing.recordings import Archive
 
 RATE_HZ = 100.0

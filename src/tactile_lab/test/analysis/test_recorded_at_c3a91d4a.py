@@ -10,11 +10,19 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from tactile_analysis import TrialSet
-from tactile_bags import EVENT, FEATURES, STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import nominal_rate_hz, recorded_features, recorded_models
 from tactile_bags.replay import recorded_results, replay_through_core
 from tactile_classifier import ModelSet
-from tactile_ros.topics import CLASSIFICATION, MODELS, SPECIFICATIONS, TARE
+from tactile_ros.topics import (
+    CLASSIFICATION,
+    EVENT,
+    FEATURES,
+    MODELS,
+    SPECIFICATIONS,
+    STRAIN,
+    TARE,
+)
 
 RECORDING = Path(__file__).parents[1] / 'data' / 'recorded_at_c3a91d4a'
 

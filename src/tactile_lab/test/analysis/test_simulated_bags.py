@@ -10,7 +10,7 @@ import pytest
 from tactile_command import tactile
 
 from tactile_analysis.datasets.feature_tables import compute_tables, open_trials, read_tables
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.config import FeatureConfig
@@ -18,6 +18,7 @@ from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_lab.simulation import simulated_bags, simulated_trials
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import plan_trial, SimulationPlan
+from tactile_ros.topics import EVENT, STRAIN
 from tactile_sim.physics.trials import SimulatedTrials
 
 CONFIG = TrialConfig()

@@ -9,10 +9,11 @@ import pytest
 from rclpy.serialization import serialize_message
 from tactile_command import tactile
 
-from tactile_bags import BagWriter, FEATURES_TOPIC, STRAIN, TactileBag
+from tactile_bags import BagWriter, TactileBag
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import replay_phases
 from tactile_features.conversions import feature_window_to_msg
+from tactile_ros.topics import FEATURES_TOPIC, STRAIN
 
 
 def record(source, target, lose=()):

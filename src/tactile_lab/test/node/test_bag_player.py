@@ -12,13 +12,14 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import create_node
 from tactile_msgs.msg import StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, EVENTS, STREAM
+from tactile_ros.topics import EVENT, STRAIN
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 60.0

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile, program, QUICK
 
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
+from tactile_ros.topics import EVENT, STRAIN
 from tactile_testing.waiting import wait_until
 
 

@@ -15,10 +15,11 @@ from tactile_command import (
 )
 
 from tactile_analysis.datasets.feature_tables import read_tables
-from tactile_bags import EVENT, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.message_records import read_records
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import read_journal
+from tactile_ros.topics import EVENT
 from tactile_testing.waiting import wait_until
 
 

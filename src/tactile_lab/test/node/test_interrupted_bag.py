@@ -10,7 +10,7 @@ from contextlib import suppress
 from domain_coordinator import domain_id
 import pytest
 
-from tactile_bags import EVENT, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import (
@@ -27,6 +27,7 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS
+from tactile_ros.topics import EVENT
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import GUARD, home_fast, let_servos_pause, PATIENT
 from tactile_testing.waiting import wait_until

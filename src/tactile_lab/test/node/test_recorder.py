@@ -19,13 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
-from tactile_bags import (
-    AUDIT,
-    EVENT,
-    SPECIFICATIONS,
-    STRAIN,
-    TactileBag,
-)
+from tactile_bags import TactileBag
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_writer import McapWriter
@@ -41,6 +35,7 @@ from tactile_msgs.msg import FeatureSpecifications, RecordingAudit, StrainBlock,
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, LATEST, STREAM
+from tactile_ros.topics import AUDIT, EVENT, SPECIFICATIONS, STRAIN
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0

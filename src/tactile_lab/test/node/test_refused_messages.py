@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 
-from tactile_bags import STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.audit import audit_bag
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import compare, replay_through_core
@@ -27,6 +27,7 @@ from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, Trial
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.topics import STRAIN
 from tactile_testing.waiting import wait_until
 
 

@@ -21,7 +21,7 @@ from rclpy.node import Node
 
 from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_analysis.datasets.reading import Reading
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_through_core, sensed_messages
 from tactile_bringup.launch_config.graph import NodeDescription
@@ -42,6 +42,7 @@ from tactile_features.types import PHASES_STATED
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.topics import EVENT, STRAIN
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0

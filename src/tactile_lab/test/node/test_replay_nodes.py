@@ -9,7 +9,7 @@ import numpy as np
 from rclpy.serialization import serialize_message
 
 from tactile_analysis.datasets.feature_tables import read_tables
-from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, MODELS_TOPIC, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import compare, replay_through_core
@@ -20,6 +20,7 @@ from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.replay_nodes import replay_through_nodes
+from tactile_ros.topics import CLASSIFICATION_TOPIC, FEATURES_TOPIC, MODELS_TOPIC
 
 
 def train_model(bag, path, classifier='knn', change=lambda table: table, **options):

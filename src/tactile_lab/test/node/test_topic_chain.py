@@ -16,7 +16,7 @@ from rclpy.time import Time
 from tactile_command import ask_tactile, hear_tactile, program
 
 from tactile_analysis import TrialSet
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.message_records import read_records
 from tactile_features.conversions import event_to_msg
 from tactile_features.tactile_features_node import TactileFeaturesNode
@@ -25,6 +25,7 @@ from tactile_lab.commands.show import describe_recording
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.topics import EVENT, STRAIN
 from tactile_testing.waiting import wait_until
 
 ANSWERS = 'tactile_classifier/classification'

@@ -6,17 +6,10 @@ import pytest
 
 from tactile_analysis.datasets.bag_features import number_blocks
 from tactile_analysis.datasets.feature_tables import compute_tables, open_trials, read_tables
-from tactile_bags import (
-    BagWriter,
-    EVENT,
-    EVENT_TOPIC,
-    RecordedTopic,
-    STRAIN,
-    STRAIN_TOPIC,
-    TactileBag,
-)
+from tactile_bags import BagWriter, TactileBag
 from tactile_bags.errors import BagError
 from tactile_lab.simulation.simulated_trials import SAMPLES_PER_BLOCK
+from tactile_ros.topics import EVENT, EVENT_TOPIC, RecordedTopic, STRAIN, STRAIN_TOPIC
 
 
 def compute(bags):

@@ -10,20 +10,14 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from tactile_analysis.datasets.feature_tables import compute_tables, open_trials
-from tactile_bags import (
-    BagWriter,
-    EVENT,
-    EVENT_TOPIC,
-    STRAIN,
-    STRAIN_TOPIC,
-    TactileBag,
-)
+from tactile_bags import BagWriter, TactileBag
 from tactile_bags.audit import audit_bag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.types import WindowOutcome
+from tactile_ros.topics import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
 
 WITHIN_NS = 50_000_000
 FOUND_TOPIC = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')

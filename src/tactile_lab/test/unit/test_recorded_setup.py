@@ -12,14 +12,7 @@ from rclpy.serialization import serialize_message
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from tactile_analysis.datasets.feature_tables import name_table, read_tables
-from tactile_bags import (
-    BagWriter,
-    message_store,
-    MODELS_TOPIC,
-    SPECIFICATIONS_TOPIC,
-    STRAIN_TOPIC,
-    TactileBag,
-)
+from tactile_bags import BagWriter, message_store, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import StoredTopic
 from tactile_bags.message_types import qos_text
@@ -37,7 +30,13 @@ from tactile_classifier.conversions import model_infos_to_msg
 from tactile_features import FeatureConfig, FeatureSpecifications, spec_for
 from tactile_features.conversions import specifications_to_msg
 from tactile_ros.errors import TactileError
-from tactile_ros.topics import RecordedTopic, SPECIFICATIONS
+from tactile_ros.topics import (
+    MODELS_TOPIC,
+    RecordedTopic,
+    SPECIFICATIONS,
+    SPECIFICATIONS_TOPIC,
+    STRAIN_TOPIC,
+)
 
 USUAL = spec_for('stiffness', FeatureConfig())
 SETTLED = spec_for('stiffness', FeatureConfig(stiffness_settle_s=1.0))

@@ -15,12 +15,13 @@ from tactile_analysis.datasets.feature_tables import compute_tables, open_trials
 from tactile_analysis.options import SourceError
 from tactile_analysis.report.recordings import usual_splits
 from tactile_analysis.report.summary import describe_sources
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags import TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import replay_phases
 from tactile_classifier.datasets.splits import grouped_split
 from tactile_ros.strain import StrainStatus
+from tactile_ros.topics import EVENT, STRAIN
 from tactile_testing.recordings import check_source
 
 

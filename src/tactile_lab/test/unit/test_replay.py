@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_bags import BagWriter, EVENT, TactileBag
+from tactile_bags import BagWriter, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
@@ -18,6 +18,7 @@ from tactile_bags.replay import (
     TactileResults,
 )
 from tactile_classifier import ModelSet
+from tactile_ros.topics import EVENT
 
 NAMES = ('one', 'other')
 
