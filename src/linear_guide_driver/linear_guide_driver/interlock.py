@@ -46,7 +46,7 @@ class TendonReport(NamedTuple):
 
     slack: Slack
     displacement_m: float = math.nan  # displacement from the zero [m]; NaN while that is unknown
-    reason: str = ''  # why the slackness is unknown; otherwise an empty string
+    reason: str | None = None  # why the slackness is unknown, or None
 
 
 def judge_slack(

@@ -149,7 +149,9 @@ class LinearGuideNode(MotionNode):
         interlock = self._interlock = TendonInterlock(topic, release)
 
         def hear(message: TendonSlack, _: Any) -> None:
-            report = TendonReport(Slack(message.state), message.displacement_m, message.reason)
+            report = TendonReport(
+                Slack(message.state), message.displacement_m, message.reason or None
+            )
             interlock.take(report, time.monotonic_ns())
 
         self.poll(TendonSlack, topic, hear, LATEST)

@@ -272,7 +272,9 @@ class TendonActuatorNode(MotionNode):
         if is_new or now_s >= self._slack_due_s:
             self._slack_due_s = now_s + REST_REPORT_S
             slack, displacement_m, reason = report
-            message = TendonSlack(state=slack.value, displacement_m=displacement_m, reason=reason)
+            message = TendonSlack(
+                state=slack.value, displacement_m=displacement_m, reason=reason or ''
+            )
             message.header.stamp = Time(nanoseconds=self.now_ns()).to_msg()
             self._slack.publish(message)
 
