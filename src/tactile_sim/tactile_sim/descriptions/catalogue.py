@@ -16,6 +16,7 @@ from pathlib import Path
 import re
 from typing import Any, get_args, get_origin, get_type_hints, TypeVar
 
+from tactile_ros.configs import find_violation
 from tactile_ros.errors import TactileError
 from tactile_ros.yaml_files import load_yaml, read_text
 from tactile_sim.descriptions.description import (
@@ -74,9 +75,11 @@ def parse_description(kind: type[_T], values: object, name: str) -> _T:
         raise DescriptionError(f'{name}: {"; ".join(parts)}')
     hints = get_type_hints(kind)
     built = {
-        key: _parse_value(hints[key], value, f'{name}.{key}', fields[key].metadata)
-        for key, value in values.items()
+        key: _parse_value(hints[key], value, f'{name}.{key}') for key, value in values.items()
     }
+    for key, value in built.items():
+        if violation := find_violation(fields[key], value):
+            raise DescriptionError(f'{name}.{violation}')
     try:
         return kind(**built)
     except DescriptionError as error:
@@ -89,7 +92,7 @@ def show(value: object) -> str:
     return text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}...'
 
 
-def _parse_value(wanted: Any, value: object, where: str, limits: Mapping[str, Any]) -> Any:
+def _parse_value(wanted: Any, value: object, where: str) -> Any:
     if dataclasses.is_dataclass(wanted):
         return parse_description(wanted, value, where)  # type: ignore[arg-type]
     if get_origin(wanted) is tuple:
@@ -98,7 +101,7 @@ def _parse_value(wanted: Any, value: object, where: str, limits: Mapping[str, An
         if not isinstance(value, str):
             raise DescriptionError(f'{where} is {show(value)}; it must be a word')
         return value
-    return _parse_number(wanted, value, where, limits)
+    return _parse_number(wanted, value, where)
 
 
 def _parse_list(kinds: tuple[Any, ...], value: object, where: str) -> tuple[Any, ...]:
@@ -109,22 +112,14 @@ def _parse_list(kinds: tuple[Any, ...], value: object, where: str) -> tuple[Any,
     elif len(value) != len(kinds):
         raise DescriptionError(f'{where} has {len(value)} entries; it must have {len(kinds)}')
     pairs = zip(kinds, value, strict=True)
-    return tuple(_parse_value(kind, v, f'{where}[{i}]', {}) for i, (kind, v) in enumerate(pairs))
+    return tuple(_parse_value(kind, v, f'{where}[{i}]') for i, (kind, v) in enumerate(pairs))
 
 
-def _parse_number(wanted: type, value: object, where: str, limits: Mapping[str, Any]) -> float:
+def _parse_number(wanted: type, value: object, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise DescriptionError(f'{where} is {show(value)}; it must be a finite number')
     if wanted is int and not isinstance(value, int):
         raise DescriptionError(f'{where} is {value!r}; it must be a whole number')
-    above, low, high = limits.get('above'), limits.get('from'), limits.get('to')
-    if (
-        (above is not None and value <= above)
-        or (low is not None and value < low)
-        or (high is not None and value > high)
-    ):
-        bottom = f'at least {low:g}' if above is None else f'above {above:g}'
-        raise DescriptionError(f'{where} is {value:g}; it must be {bottom} and at most {high:g}')
     return value if wanted is int else float(value)
 
 

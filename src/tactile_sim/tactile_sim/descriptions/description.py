@@ -21,16 +21,8 @@ MOST_POINTS = 1000
 
 
 # The ranges are wide: they reject typing errors and wrong units, but accept unusual rigs.
-def _above(low: float, high: float, **default: Any) -> Any:
-    return dataclasses.field(metadata={'above': low, 'to': high}, **default)
-
-
 def _between(low: float, high: float, **default: Any) -> Any:
-    return dataclasses.field(metadata={'from': low, 'to': high}, **default)
-
-
-def _list() -> Any:
-    return dataclasses.field()
+    return dataclasses.field(metadata={'range': (low, high)}, **default)
 
 
 @dataclass(frozen=True)
@@ -49,11 +41,11 @@ class Finger:
     tip_stiffness_n_m: float = _between(1.0, 1e8)
     tip_damping_n_s_m: float = _between(0.0, 1e4)
     tip_shear_stiffness_n_m: float = _between(1.0, 1e8)
-    contact_bend_deg: float = _above(0.0, 150.0)
+    contact_bend_deg: float = _between(0.1, 150.0)
     tendon_stiffness_n_m: float = _between(1.0, 1e7)
     tendon_friction: float = _between(0.0, 0.15)  # the capstan series is valid up to a wrap of 0.3
     tendon_presliding_m: float = _between(1e-7, 1e-3)
-    bend_stop_deg: float = _above(0.0, 150.0)
+    bend_stop_deg: float = _between(0.1, 150.0)
     stop_stiffness_nm_rad: float = _between(1e-3, 1e4)
     stiffness_per_k: float = _between(-0.05, 0.05)
 
@@ -138,7 +130,7 @@ class Plate:
 class Branch:
     """One relaxing branch of a Prony series: a spring in series with a dashpot."""
 
-    stiffness_n_m: float = _above(0.0, 1e9)
+    stiffness_n_m: float = _between(1e-9, 1e9)
     relaxation_time_s: float = _between(1e-3, 1e5)
 
 
@@ -154,7 +146,7 @@ class Body:
     """
 
     stiffness_n_m: float = _between(0.0, 1e9)
-    branches: tuple[Branch, ...] = _list()
+    branches: tuple[Branch, ...] = dataclasses.field()
     softening_m: float = _between(0.0, 0.1)
     friction: float = _between(0.0, 5.0)
 

@@ -196,21 +196,20 @@ def test_hard_case(name):
 
 def any_number(field):
     """Over the whole accepted range, by orders of magnitude."""
-    low = field.metadata.get('from', field.metadata.get('above'))
-    high = field.metadata['to']
+    low, high = field.metadata['range']
     if low < 0.0 < high:
         return st.floats(low, high)
     least = max(low, high * 1e-9)
     spread = st.floats(math.log(least), math.log(high)).map(math.exp)
     number = spread.map(lambda v: min(max(v, least), high))
-    return st.one_of(st.just(0.0), number) if 'from' in field.metadata and low == 0.0 else number
+    return st.one_of(st.just(0.0), number) if low == 0.0 else number
 
 
 def any_of(kind, **fixed):
     numbers = {
         field.name: any_number(field)
         for field in dataclasses.fields(kind)
-        if 'to' in field.metadata and field.name not in fixed
+        if 'range' in field.metadata and field.name not in fixed
     }
     return st.fixed_dictionaries({**numbers, **fixed})
 
