@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
+import re
 import subprocess
 import time
 import xml.etree.ElementTree as ElementTree
@@ -144,12 +145,15 @@ def run_pytest(
         if not group:
             continue
         results = workspace.base / f'test_results_{name}.xml'
+        files = order_files(group, results)
         results.unlink(missing_ok=True)
         command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
         command += ['--disable-warnings', '--tb=long', '--no-summary']
-        command += [f'--junit-xml={results}', '-n', str(workers), '--dist=worksteal']
+        # The tests of a file run in one process, so that they share recordings, models and rigs.
+        command += [f'--junit-xml={results}', '-n', str(workers)]
+        command += ['--dist=loadfile', '--no-loadscope-reorder']
         command += ['-k', options.expression] if options.expression else []
-        done = subprocess.run([*command, *map(str, group)], cwd=ROOT, env=workspace.environment())
+        done = subprocess.run([*command, *map(str, files)], cwd=ROOT, env=workspace.environment())
         codes.append(done.returncode)
         written += [results] if results.exists() else []
     outcomes = read_results(written)
@@ -157,6 +161,26 @@ def run_pytest(
     if any(code not in (0, 5) for code in codes) and not any(o.failed for o in outcomes):
         outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))
     return outcomes
+
+
+def order_files(folders: list[Path], results: Path) -> list[Path]:
+    """Return the test files in some folders; the slowest ones of the last run come first.
+
+    Otherwise one process could still run a long file while the others have nothing left to do.
+    """
+    seconds: Counter[str] = Counter()
+    if results.exists():
+        for case in ElementTree.parse(results).iter('testcase'):
+            # A module, which the name of a class may follow.
+            module = re.match(r'.*?\.test_\w+', case.get('classname') or '')
+            if module:
+                seconds[module[0]] += float(case.get('time', 0))
+
+    def time_of(path: Path) -> float:
+        return seconds['.'.join(path.relative_to(ROOT).with_suffix('').parts)]
+
+    files = sorted(path for folder in folders for path in folder.rglob('test_*.py'))
+    return sorted(files, key=time_of, reverse=True)
 
 
 def read_results(paths: list[Path]) -> list[Outcome]:
