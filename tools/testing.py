@@ -33,6 +33,15 @@ class Outcome:
     remarks: list[str] = field(default_factory=list)
 
 
+@dataclass
+class Tested:
+    """A run of pytest: its JUnit file, its exit code, and its output if that was kept."""
+
+    results: Path
+    code: int
+    output: str
+
+
 def run_tests(workspace: Workspace, arguments: list[str]) -> int:
     """Run checks and tests, print a summary, and return the exit code; see ``USAGE``."""
     packages = sorted(p.parent.name for p in (ROOT / 'src').glob('*/package.xml'))
@@ -52,7 +61,7 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         default=os.cpu_count() or 1,
         metavar='N',
         help='processes for tests that wait for devices and nodes (default: one per core); '
-        'computing tests run afterwards, always with one process per core',
+        'computing tests run beside them, always with one process per core',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))
@@ -60,14 +69,13 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         parser.error(f'no package {", ".join(unknown)}; there are {", ".join(packages)}')
     kind = 'unit' if options.unit else 'node' if options.nodes else '*'
     is_all = not (options.packages or options.expression) and kind == '*'
-    outcomes = check_rules(workspace) if is_all else []
     folders = [
         folder
         for package in options.packages or packages
         for folder in sorted((ROOT / 'src' / package / 'test').glob(kind))
         if any(folder.rglob('test_*.py'))
     ]
-    return summarise(outcomes + run_pytest(workspace, folders, options))
+    return summarise(run_all(workspace, folders, options.expression, options.workers, is_all))
 
 
 def site_command(workspace: Workspace) -> list[str]:
@@ -85,8 +93,11 @@ def build_site(workspace: Workspace) -> int:
     return code
 
 
-def check_rules(workspace: Workspace) -> list[Outcome]:
-    """Run linters and type checks, and return a result for each."""
+def check_rules(workspace: Workspace, low: list[str]) -> list[Outcome]:
+    """Run linters and type checks, and return a result for each.
+
+    ``low`` is the start of a command that lowers its priority.
+    """
     cores = [
         str(p.parent / p.parent.name)
         for p in sorted((ROOT / 'src').glob('*/package.xml'))
@@ -103,7 +114,9 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
         'documentation': site_command(workspace),
     }
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda rule: check_rule(workspace, *rule), rules.items()))
+        return list(
+            pool.map(lambda rule: check_rule(workspace, rule, [*low, *rules[rule]]), rules)
+        )
 
 
 def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
@@ -121,46 +134,83 @@ def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
     outcome = Outcome(name, seconds=time.monotonic() - started)
     if done.returncode:
         outcome.failed = 1
-        print(f'{name} failed\n{done.stdout}', flush=True)
+        print(f'\n{name} failed\n{done.stdout}', flush=True)
     else:
         outcome.passed = 1
-        print(f'{name}: {outcome.seconds:.0f} s', flush=True)
     return outcome
 
 
-def run_pytest(
-    workspace: Workspace, folders: list[Path], options: argparse.Namespace
+def run_all(
+    workspace: Workspace,
+    folders: list[Path],
+    expression: str | None,
+    workers: int,
+    with_rules: bool,
 ) -> list[Outcome]:
-    """Run the tests in some folders in several processes; return a result per package.
+    """Run the tests in some folders, and the rules; return a result per rule and per package.
 
-    Tests of devices and nodes wait in real time. They run first, because trials fail if the
-    simulated rig gets too little processor time. Unit tests and analyses run afterwards, with one
-    process per core.
+    Tests of devices and nodes wait in real time, for about half of their time. Rules and computing
+    tests run beside them with a low priority, in the processor time that is left: a trial fails
+    if its simulated rig gets too little.
     """
     computing = [folder for folder in folders if folder.name in COMPUTING]
-    others = [folder for folder in folders if folder.name not in COMPUTING]
-    groups = [('others', others, options.workers), ('computing', computing, os.cpu_count() or 1)]
-    codes, written = [], []
-    for name, group, workers in groups:
-        if not group:
-            continue
-        results = workspace.base / f'test_results_{name}.xml'
-        files = order_files(group, results)
-        results.unlink(missing_ok=True)
-        command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
-        command += ['--disable-warnings', '--tb=long', '--no-summary']
-        # The tests of a file run in one process, so that they share recordings, models and rigs.
-        command += [f'--junit-xml={results}', '-n', str(workers)]
-        command += ['--dist=loadfile', '--no-loadscope-reorder']
-        command += ['-k', options.expression] if options.expression else []
-        done = subprocess.run([*command, *map(str, files)], cwd=ROOT, env=workspace.environment())
-        codes.append(done.returncode)
-        written += [results] if results.exists() else []
-    outcomes = read_results(written)
+    waiting = [folder for folder in folders if folder.name not in COMPUTING]
+    cores = os.cpu_count() or 1
+    low = ['nice', '-n', '10'] if waiting else []
+
+    def run_beside() -> tuple[list[Outcome], Tested | None]:
+        rules = check_rules(workspace, low) if with_rules else []
+        # Its dots would mix with those of the tests that wait.
+        tested = run_pytest(workspace, 'computing', computing, cores, expression, low)
+        return rules, tested
+
+    with ThreadPoolExecutor(1) as pool:
+        beside = pool.submit(run_beside)
+        first = run_pytest(workspace, 'others', waiting, workers, expression)
+        rules, second = beside.result()
+    tested = [each for each in (first, second) if each]
+    if second and low:
+        print(second.output, flush=True)
+    outcomes = read_results([each.results for each in tested if each.results.exists()])
     # Exit code 5: the expression selects no test.
-    if any(code not in (0, 5) for code in codes) and not any(o.failed for o in outcomes):
+    if any(each.code not in (0, 5) for each in tested) and not any(o.failed for o in outcomes):
         outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))
-    return outcomes
+    return rules + outcomes
+
+
+def run_pytest(
+    workspace: Workspace,
+    name: str,
+    folders: list[Path],
+    workers: int,
+    expression: str | None,
+    low: list[str] | None = None,
+) -> Tested | None:
+    """Run the tests in some folders in several processes; return None if there are no folders.
+
+    With ``low``, the start of a command that lowers its priority, the output is kept.
+    """
+    if not folders:
+        return None
+    results = workspace.base / f'test_results_{name}.xml'
+    files = order_files(folders, results)
+    results.unlink(missing_ok=True)
+    command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
+    command += ['--disable-warnings', '--tb=long', '--no-summary']
+    # The tests of a file run in one process, so that they share recordings, models and rigs.
+    command += [f'--junit-xml={results}', '-n', str(workers)]
+    command += ['--dist=loadfile', '--no-loadscope-reorder']
+    command += ['-k', expression] if expression else []
+    done = subprocess.run(
+        [*(low or []), *command, *map(str, files)],
+        cwd=ROOT,
+        env=workspace.environment(),
+        stdout=subprocess.PIPE if low else None,
+        stderr=subprocess.STDOUT if low else None,
+        text=True,
+        errors='replace',
+    )
+    return Tested(results, done.returncode, done.stdout or '')
 
 
 def order_files(folders: list[Path], results: Path) -> list[Path]:
