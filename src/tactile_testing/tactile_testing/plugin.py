@@ -26,6 +26,11 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
+# pytest-xdist already runs one process per core. With more threads or processes of joblib inside
+# each, the tests would only take longer. Tests of parallel computation state a number of jobs.
+os.environ.setdefault('LOKY_MAX_CPU_COUNT', '1')
+
+
 def pytest_configure(config):
     """Make a test fail if one of its threads ends with an exception."""
     failing = 'error::pytest.PytestUnhandledThreadExceptionWarning'

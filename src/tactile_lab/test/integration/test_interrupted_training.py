@@ -31,7 +31,7 @@ def test_an_interrupt_ends_the_choice_and_leaves_nothing(tmp_path):
         [sys.executable, tactile_command.__file__, *map(str, arguments)],
         stdout=subprocess.DEVNULL,
         stderr=terminal,
-        env={**os.environ, 'TERM': 'xterm', 'COLUMNS': '120'},
+        env={**os.environ, 'TERM': 'xterm', 'COLUMNS': '120', 'LOKY_MAX_CPU_COUNT': '2'},
     )
     os.close(terminal)
     said = ''
