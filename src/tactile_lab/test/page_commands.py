@@ -130,7 +130,7 @@ class Terminal:
         )
 
     def run(self, command):
-        """Run a command to its end, and check its exit code and what the page shows of it."""
+        """Run a command to its end, check exit code and shown lines, and return its output."""
         with self._start(command.text, subprocess.PIPE) as process:
             try:
                 output, _ = process.communicate(timeout=TIMEOUT_S)
@@ -139,6 +139,7 @@ class Terminal:
                 raise
         assert process.returncode == 0, f'$ {command.text}\n{output}'
         check_shown(command, output)
+        return output
 
     @contextmanager
     def running(self, command):

@@ -16,6 +16,8 @@ from tactile_command import ask_tactile, hear_tactile, tactile
 from tactile_classifier.model_file.model import load_model
 from tactile_testing.recordings import Archive
 
+pytestmark = pytest.mark.usefixtures('few_convolutions')
+
 RATE_HZ = 100.0
 SLOPES = {'rubber': -0.9, 'pla': -0.5}
 

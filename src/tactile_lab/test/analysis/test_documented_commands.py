@@ -3,19 +3,20 @@
 
 """Every command of README.md and docs/ runs as it is written, in order, in a folder per page.
 
-How-to pages run on small recordings of `page_files`, in the process of the test, which saves the
-start of a process per command; what they print depends on their recordings. Pages with commands
-that run until Ctrl-C are in test/node.
+The commands of `tactile` run in the process of the test, which saves the start of a process per
+command. Random convolutions are few, except where a page shows an answer that needs all of them.
+How-to pages run on small recordings of `page_files`; what they print depends on their recordings.
+Pages with commands that run until Ctrl-C are in test/node.
 """
 
+import glob
 from importlib.util import find_spec
 import re
 import shlex
-import subprocess
-import sys
 
 from page_commands import (
     check_shown,
+    Command,
     NOT_RUN,
     PAGES,
     read_page,
@@ -48,6 +49,10 @@ EVALUATED_ELSEWHERE = 'tactile evaluate bags/* --report report.html'
 HOW_TO = {'experiments.md', *(page for page, _ in FILES)}
 
 
+NEEDS_ALL_CONVOLUTIONS = 'tactile train lab.npz --task texture --crop 1.5:5'
+"""The page shows the answers of this model to new trials."""
+
+
 def is_run_here(page):
     run = [command for command in COMMANDS[page] if command.is_run]
     return (
@@ -60,14 +65,17 @@ def is_run_here(page):
 @pytest.mark.parametrize(
     'page', filter(is_run_here, PAGES), ids=lambda page: str(page.relative_to(ROOT))
 )
-def test_commands_run_as_written(page, tmp_path, rewrite):
+def test_commands_run_as_written(page, tmp_path, rewrite, monkeypatch, few_convolutions):
     terminal = Terminal(tmp_path)
+    monkeypatch.chdir(terminal.folder)
     for name, text in read_page(page)[1].items():
         (terminal.folder / name).parent.mkdir(exist_ok=True)
         (terminal.folder / name).write_text(text)
     for command in COMMANDS[page]:
+        if command.text.startswith(NEEDS_ALL_CONVOLUTIONS):
+            few_convolutions.undo()
         if command.is_run:
-            terminal.run(command)
+            check_shown(command, run_here(command, terminal))
         elif plan := re.match(r'tactile experiment (\w+)\.yaml --simulated --yes', command.text):
             record_experiment(terminal.folder / plan[1], rewrite)
 
@@ -92,41 +100,43 @@ def recordings(texture_bag, stiffness_bag, rewrite, tmp_path_factory):
     )
 
 
+@pytest.mark.usefixtures('few_convolutions')
 @pytest.mark.parametrize('name', sorted(HOW_TO))
 def test_commands_of_how_to_pages_run_as_written(name, recordings, rewrite, tmp_path, monkeypatch):
     (page,) = (page for page in PAGES if page.name == name)
-    monkeypatch.chdir(tmp_path)
-    done = set()
+    terminal = Terminal(tmp_path)
+    folder, done = terminal.folder, set()
+    monkeypatch.chdir(folder)
     for command in COMMANDS[page]:
         if not command.is_run:
             continue
         if command.text == 'tactile evaluate grooves':
-            record_experiment(tmp_path / 'grooves', rewrite, recordings.grooves)
-        make_files(page, command, tmp_path, recordings, done)
+            record_experiment(folder / 'grooves', rewrite, recordings.grooves)
+        make_files(page, command, folder, recordings, done)
         if command.text != EVALUATED_ELSEWHERE:
-            run_here(command, tmp_path)
+            said = run_here(command, terminal)
+            if SHOWS_ITS_FILES.match(command.text):
+                check_shown(command, said)
     assert done == {key for key in FILES if key[0] == name}
 
 
-def run_here(command, folder):
-    """Run one command in this process, as a shell would: patterns are paths, in their order."""
+def run_here(command, terminal):
+    """Run one command, `tactile` in this process; patterns are expanded like in a shell.
+
+    Returns the output.
+    """
     program, *words = shlex.split(command.text.replace('\\\n', ' '), comments=True)
-    expanded = [
-        path
-        for word in words
-        for path in (sorted(map(str, folder.glob(word))) if '*' in word else [word])
-    ]
-    if program == 'python':
+    if program != 'tactile':
         if 'import pandas' in command.text and find_spec('pandas') is None:
-            return  # only an environment that is older than requirements/packages.txt
-        subprocess.run([sys.executable, *words], cwd=folder, check=True, capture_output=True)
-        return
-    assert program == 'tactile', command.text
+            return ''  # only an environment that is older than requirements/packages.txt
+        return terminal.run(Command(command.text))
+    expanded = [
+        path for word in words for path in (sorted(glob.glob(word)) if '*' in word else [word])
+    ]
     result = tactile(*expanded)
     said = result.stdout + result.stderr
     assert result.returncode == command.exit_code, f'$ {command.text}\n{said}'
-    if SHOWS_ITS_FILES.match(command.text):
-        check_shown(command, said)
+    return said
 
 
 SHOWS_ITS_FILES = re.compile(r'tactile (import|classify|train lab)')

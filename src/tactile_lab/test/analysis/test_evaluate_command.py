@@ -15,6 +15,8 @@ from tactile_ros.errors import TactileError
 from tactile_ros.topics import EVENT
 from tactile_testing.recordings import Archive
 
+pytestmark = pytest.mark.usefixtures('few_convolutions')
+
 RATE_HZ = 100.0
 ONCE = ('--repetitions', 1)
 HOLDS = ('--task', 'stiffness', '--folds', 3, *ONCE)

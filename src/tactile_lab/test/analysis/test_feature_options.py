@@ -8,14 +8,10 @@ import pytest
 from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
 from tactile_analysis.datasets.reading import list_sets, Reading
-from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.model_file.model import load_model
 from tactile_ros.errors import TactileError
 
-
-@pytest.fixture(autouse=True)
-def few_convolutions(monkeypatch):
-    monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
+pytestmark = pytest.mark.usefixtures('few_convolutions')
 
 
 def save_glides(path, x, label, **columns):

@@ -28,6 +28,8 @@ from tactile_lab.commands.train import parse_lengths, train_models
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
+pytestmark = pytest.mark.usefixtures('few_convolutions')
+
 
 def train_on(bag, folder, window_s=None, **training):
     """Train on a bag as the command does; return the models."""
@@ -159,8 +161,9 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
         assert bool(model.find_mismatch(window)) == (window.sample_count == 30)
 
 
-def test_three_seconds_at_1_khz_train_by_default(tmp_path):
-    """Train by default on windows of 3 s at 1 kHz; 90 s, because every candidate is fitted."""
+def test_three_seconds_at_1_khz_train_by_default(tmp_path, few_convolutions):
+    """More than ten seconds: every candidate is fitted to windows of 3,000 samples."""
+    few_convolutions.undo()
     # Steps upwards or downwards: the shape says which, and the spectrum does not.
     rng = np.random.default_rng(5)
     rows = 3.0 + 0.2 * rng.normal(size=(10, 3_000))
@@ -186,7 +189,8 @@ def test_three_seconds_at_1_khz_train_by_default(tmp_path):
     assert len(spec_for('texture', config).names) == 600
 
 
-def test_what_would_give_too_large_a_file_is_refused_before_the_folds(tmp_path):
+def test_what_would_give_too_large_a_file_is_refused_before_the_folds(tmp_path, few_convolutions):
+    few_convolutions.undo()
     rows = np.random.default_rng(1).normal(size=(12, 4, 600))
     labels = ['down', 'up'] * 6
     np.savez(tmp_path / 'wide.npz', x=rows, label=labels, rate_hz=200.0)
