@@ -30,7 +30,7 @@ _RECONNECTED, _CLOCK_STEP = int(StrainStatus.RECONNECTED), int(StrainStatus.CLOC
 """Status bits as integers, because operations on an `IntFlag` are slow."""
 
 MAX_GAPS = 10_000
-"""Number of gaps that are stored, because their samples may arrive late."""
+"""Largest number of gaps that are stored. The samples of a stored gap may still arrive late."""
 
 
 class _SampleRun(NamedTuple):
@@ -58,7 +58,7 @@ class _SampleRun(NamedTuple):
         return self.stamp_ns + i * self.period_ns
 
     def part(self, begin: int, end: int) -> _SampleRun:
-        """Return the samples from index ``begin`` to ``end``, excluding ``end``."""
+        """Return the samples from index ``begin`` up to, but not including, ``end``."""
         return self._replace(
             stamp_ns=self.stamp_of(begin),
             sequence=self.sequence + begin,
@@ -172,7 +172,7 @@ class _StreamCounts:
         self.end_ns = run.end_ns
 
     def _close_segment(self) -> None:
-        """Add the duration and the samples since the last restart of the sequence numbers."""
+        """Count the duration and the samples since the last restart of the sequence numbers."""
         steps, span_ns = self._of_segment()
         self._steps += steps
         self._span_ns += span_ns
@@ -211,8 +211,10 @@ class _HostClock:
 
     def __init__(self) -> None:
         self._shift_ns = 0
-        self._last: _SampleRun | None = None  # with its original stamps; late runs excluded
-        self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)  # end, earlier shift
+        # Last run that was not late, with its original stamps.
+        self._last: _SampleRun | None = None
+        # For each clock step: end of the samples before it, and the shift of these samples [ns].
+        self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)
 
     def take(self, run: _SampleRun) -> _SampleRun:
         """Return the next run in stream time."""
@@ -301,7 +303,7 @@ class _TrialCounts:
 
 
 LONGEST_STEP_S = 0.1
-"""A time between two samples is a finding if it exceeds this and three periods [s]."""
+"""Two consecutive samples that are further apart than this and three periods are a finding [s]."""
 
 MOST_NOTED = 100
 """Largest number of failed trials in the metadata of a bag."""
@@ -526,9 +528,9 @@ class FingerAuditor:
         return self._take_complete()
 
     def _let_go(self, before_ns: int) -> None:
-        """Discard runs before ``before_ns``: no further event can refer to them.
+        """Discard runs before ``before_ns``, to which no later event can refer.
 
-        Trials that wait count these runs first.
+        Before that, the runs are counted for the trials that still wait for samples.
         """
         while self._recent:
             run = self._recent[0]

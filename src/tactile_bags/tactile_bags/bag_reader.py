@@ -49,7 +49,7 @@ MAX_OPEN_BYTES = 256 * 2**20
 """Largest total size of chunks that overlap in time [byte]."""
 
 _Place = tuple[int, int]
-"""Index of a file, and index of a segment in this file."""
+"""Position of a segment: index of the file, and index of the segment in the file."""
 
 _SUFFIXES: dict[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
 

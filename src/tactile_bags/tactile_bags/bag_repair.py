@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Repair of bags that were not closed: a closed copy is written."""
+"""Repair of bags that were not closed, or are damaged, by writing a closed copy."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from tactile_ros.yaml_files import load_yaml
 class Repair:
     """Result of a repair.
 
-    ``message_count`` is the number of copied messages. ``recovered`` and ``damage`` describe the
-    state and the damage of the source; both may be None.
+    ``message_count`` is the number of copied messages. ``recovered`` describes which messages of
+    an unclosed source may be missing, and ``damage`` describes its damage; both may be None.
     """
 
     message_count: int
@@ -60,7 +60,7 @@ def repair_bag(source: Path, target: Path) -> Repair:
 
 
 def _usable_qos(text: str) -> str:
-    """Return quality-of-service settings with words; older bags contain numbers instead."""
+    """Return the QoS settings in words. Older bags contain numbers, which are converted."""
     try:
         profiles = load_yaml(text)
         if all(isinstance(profile['history'], str) for profile in profiles):

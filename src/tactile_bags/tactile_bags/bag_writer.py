@@ -136,7 +136,7 @@ class BagWriter:
                 writer.flush()
                 text = self._metadata_text(writer)
                 if not self._has_early_metadata:
-                    # `ros2 bag reindex` needs them in the data file.
+                    # `ros2 bag reindex` needs the metadata in the data file.
                     writer.write_metadata(text)
                     self._has_early_metadata = True
                 write_metadata(self.path, text)

@@ -46,8 +46,7 @@ MAX_SEGMENTS = 500_000
 """Largest number of segments (chunks and runs outside chunks); each needs 200 bytes of memory."""
 
 MAX_CHANNELS = 1_000_000
-"""Different segments contain different sets of channels. This is the largest total number of
-channels in these sets."""
+"""Largest total number of channels in all different sets of channels that segments contain."""
 
 RUN_BYTES = 2**20
 """Messages outside chunks are read in runs of about this size [byte]."""
@@ -58,7 +57,7 @@ MAX_RECORD_BYTES = 2**20
 MAX_NS = 2**63 - 1
 
 MAX_OPCODE, MIN_PRIVATE_OPCODE = 0x0F, 0x80
-"""Opcodes between these two are reserved. Larger opcodes are private; such records are skipped."""
+"""Opcodes between these two are reserved. Records with larger, private opcodes are skipped."""
 
 _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
@@ -132,9 +131,8 @@ class McapFile:
     Attributes
     ----------
     topics, counts, stated_counts : dict
-        Dictionaries by channel: the topics, the numbers of messages, and the numbers of messages
-        according to the statistics in the file. ``stated_counts`` is None if the file has no
-        statistics.
+        Topic, number of messages, and number of messages according to the statistics in the file.
+        The keys are channels. ``stated_counts`` is None if the file has no statistics.
     segments : list of Segment
         The segments, in the order of the file.
     is_finished : bool

@@ -92,10 +92,10 @@ def sensed_messages(bag: TactileBag, namespace: str = '') -> Iterator[BagMessage
 
 
 def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
-    """Return, for the first events, whether their trials had ended before the recording.
+    """Return, for each event before the first sample, True if its trial preceded the recording.
 
-    This is the case if a trial ended before the first sample, and the time between the arrivals of
-    its events is less than half of the time between their stamps.
+    This is assumed if the trial ended before the first sample, and its events arrived in less than
+    half of the time between their stamps, as latched events do.
     """
     begin_ns = first_sample_ns(bag, namespace)
     stamps_ns: dict[str, list[int]] = {}
@@ -189,7 +189,7 @@ ROUNDING = 1e-9
 """Largest relative difference between a recorded and a computed number."""
 
 TAIL_S = 1.0
-"""A recording may lack results that became complete within this time before its end [s]."""
+"""Results that became complete within this time before the end of a recording may be missing."""
 
 Result = FeatureWindow | WindowPrediction
 

@@ -119,7 +119,7 @@ class Trial:
 
 
 def mean_period_s(time_s: NDArray[np.float64] | None) -> float | None:
-    """Return the mean time between consecutive samples, except for pauses [s]; None if unknown."""
+    """Return the mean time between consecutive samples, without pauses [s]; None if unknown."""
     if time_s is None or len(time_s) < 2:
         return None
     steps = np.diff(time_s)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node that plays the samples and events of a recording unchanged, and publishes its clock."""
+"""Node that plays the samples and events of a recording, and publishes the recorded time."""
 
 from __future__ import annotations
 

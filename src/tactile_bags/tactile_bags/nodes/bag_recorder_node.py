@@ -64,8 +64,7 @@ MOST_DISORDER_NS = 1_000_000_000
 """If an arrival time is further back than this, the clock was set back [ns]."""
 
 HISTORY_S = 0.5
-"""After an activation, latched events arrive one after another. If none arrives for this time, all
-have arrived [s]."""
+"""Silence [s] after which all latched events from before an activation have arrived."""
 
 KEPT_LATCHED = 64
 """Number of recorded messages of each latched topic that are stored, to recognise messages that
@@ -150,7 +149,7 @@ class BagRecorderNode(PollingNode):
         self._audit_publisher = self.create_publisher(RecordingAudit, '~/audit', EVENTS)
         self._diagnostics = Diagnostics(self, lambda: str(writer.path), self._health)
         self._held, self._latched = {}, {}
-        # The disk can fail while no messages arrive.
+        # The bag is also checked periodically, because the disk can fail while no messages arrive.
         self._check = self.call_every(SAVE_PERIOD_S, self._check_bag)
         self._save_error = None
         for save in (writer.save, writer.sync):
@@ -162,7 +161,8 @@ class BagRecorderNode(PollingNode):
         if self._writer is None:
             raise ValueError(f'the recording has failed; clean up first: {self.failure}')
         self._activated_ns = time.time_ns()
-        # Subscribed only now: latched messages must not arrive before they can be written.
+        # Topics are subscribed last, because latched messages must not arrive before they can be
+        # written.
         with self.lock:
             self._recording = {
                 name: self.poll(

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages become the same records whether rclpy or rosbags has read them."""
+"""Messages are converted to the same records, no matter whether rclpy or rosbags has read them."""
 
 import dataclasses
 
@@ -52,7 +52,7 @@ OF_TYPE = {
 
 
 def records_of(kind, **fields):
-    """Generate records; fields that are not given have arbitrary values of their type."""
+    """Return a strategy for records; fields that are not given have arbitrary values."""
     others = {f.name: OF_TYPE[f.type] for f in dataclasses.fields(kind) if f.name not in fields}
     return st.builds(kind, **others, **fields)
 
@@ -79,7 +79,7 @@ windows = records_of(
 
 @pytest.fixture(params=['rclpy', 'rosbags'])
 def read(request):
-    """Return a sent message as a library reads it."""
+    """Return a message as this library reads it after it was sent."""
 
     def read(msg):
         data = serialize_message(msg)

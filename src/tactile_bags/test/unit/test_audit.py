@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Audits of streams and trials: losses, doubles, order, and steps of the clock."""
+"""Audits of streams and trials: lost samples, duplicates, order, and steps of the clock."""
 
 import random
 import re
@@ -22,7 +22,7 @@ START_NS = 1_600_000_000_000_000_000
 
 
 def blocks_of(counts, *, start=0):
-    """Return a stream of blocks with these numbers of samples, without a gap."""
+    """Return a stream without gaps, whose blocks have these numbers of samples."""
     blocks, sequence = [], start
     for count in counts:
         stamp_ns = START_NS + sequence * PERIOD_NS
@@ -140,7 +140,7 @@ def test_a_trial_is_audited_by_its_own_samples(events_first, size):
 
 @pytest.mark.parametrize('lost', [100, 150, 200])
 def test_a_sample_lost_at_the_edge_of_a_trial_is_found(lost):
-    """First, middle and last sample of a trial from 1 s to 2 s."""
+    """The first, a middle or the last sample of a trial from 1 s to 2 s is lost."""
     blocks = [b for i, b in enumerate(blocks_of([1] * 400)) if i != lost]
     (audit,) = trial_audits(blocks, [event('approach', 1.0), event('done', 2.0)])
     assert audit.lost_count == 1
@@ -156,7 +156,7 @@ def test_a_trial_that_the_samples_do_not_cover_is_found():
 
 @pytest.mark.parametrize('lost', [150, 800, 1_450])
 def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
-    """From 1 s to 15 s, with early and recent losses."""
+    """The trial lasts from 1 s to 15 s and has losses at its beginning and at its end."""
     blocks = [b for i, b in enumerate(blocks_of([1] * 1_600)) if i != lost]
     auditor = FingerAuditor('', 100.0)
     audits = auditor.add_event(event('contact', 1.0))
@@ -195,7 +195,7 @@ def test_trials_without_any_samples_do_not_pile_up(monkeypatch):
 
 @pytest.mark.parametrize('with_trials', [False, True])
 def test_memory_does_not_grow_with_the_length_of_a_recording(with_trials):
-    """Where trials are found in the signal there are no stated events at all."""
+    """If phases are detected in the tension, the recording has no stated events."""
     auditor = FingerAuditor('', 100.0)
     tension_n = np.zeros(1)
 
@@ -241,7 +241,8 @@ def stepped_recording(
 ):
     """Return the audits of trials of 4 s, while the clock is set with sample ``at``.
 
-    ``starts`` are numbers of samples. Each event comes ``late_s`` after its stamp [s].
+    ``starts`` are the numbers of the samples at which trials begin. Each event arrives ``late_s``
+    after its stamp [s].
     """
     auditor = FingerAuditor('', 100.0)
     audits = []
@@ -342,7 +343,7 @@ def test_many_clock_steps_take_little_memory():
 
 @pytest.mark.parametrize('step_s', [-60, -15, 60, 10**9])
 def test_an_event_between_a_clock_step_and_its_block_delays_no_other_trial(step_s):
-    """The first event of a trial is stamped by the new clock, which no block has shown yet."""
+    """The first event of a trial has a stamp after the step, but arrives before the next block."""
     auditor = FingerAuditor('', 100.0)
     audits = []
     events = {2_000: ('contact', 'a'), 2_200: ('done', 'a')}

@@ -110,7 +110,7 @@ def test_a_bag_cut_off_in_its_header_is_refused_with_a_sentence(bag_path, tmp_pa
 
 @pytest.mark.parametrize(('keep', 'missing'), [(100, 6), (2000, 3)])
 def test_a_bag_cut_off_later_says_what_is_missing(bag_path, tmp_path, keep, missing):
-    """Within a chunk, what came before the cut is read."""
+    """If a chunk is truncated, the messages before the cut are read."""
     with TactileBag(cut_off(bag_path, tmp_path / 'damaged', keep)) as bag:
         assert 'never closed' in bag.recovered
         assert f'{missing} recorded messages are missing' in bag.recovered
@@ -157,7 +157,7 @@ def test_recordings_of_another_message_definition_are_refused(bag_path):
 @pytest.mark.parametrize('storage', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 @pytest.mark.parametrize('compression', list(CompressionMode))
 def test_bags_of_another_writer_are_read(tmp_path, storage, compression):
-    """However rosbags stores and packs them."""
+    """Bags of rosbags can be read with every storage and compression."""
     store = message_store()
     writer = Writer(tmp_path / 'bag', version=9, storage_plugin=storage)
     if compression == CompressionMode.STORAGE and storage == StoragePlugin.SQLITE3:
@@ -188,6 +188,6 @@ def test_our_bags_are_read_by_another_reader(bag_path):
 
 
 def test_status_bits_leave_the_type_of_a_recorded_block_as_it_was():
-    """Constants are no part of a type's hash: bags from before a bit are read."""
+    """Constants are not part of a type's hash, so bags without a new status bit can be read."""
     recorded = 'RIHS01_93f831e7aa91f8290fe888e7ad54696f629ac944cf95240cefcbe6cacfdbf4cc'
     assert message_store().hash_rihs01(STRAIN) == recorded

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags on a disk that takes no more: the operating system's own limit on a file's size."""
+"""Bags on a full disk, simulated by the operating system's limit of the size of a file."""
 
 from contextlib import contextmanager
 import resource

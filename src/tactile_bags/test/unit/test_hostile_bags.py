@@ -52,7 +52,7 @@ def pack(*records):
     return bytes(builder.end())
 
 
-# These are made by hand: no library writes hostile ones.
+# These files are built byte by byte, because no library writes hostile files.
 def pack_record(opcode, contents):
     return RECORD_START.pack(opcode, len(contents)) + contents
 
@@ -99,7 +99,7 @@ TWO_THREE = message(b'2', at_ns=2) + message(b'3', at_ns=3)
 
 @pytest.mark.parametrize('packing', ['', 'zstd', 'lz4'])
 def test_messages_are_read_in_order_however_they_are_packed(read_file, packing):
-    """Also those behind a chunk without an index, and of chunks that overlap in time."""
+    """This includes messages after a chunk without an index, and chunks that overlap in time."""
     first = chunk(ONE_FOUR, packing, checksum=zlib.crc32(ONE_FOUR))
     for second in (chunk(TWO_THREE, packing), TWO_THREE):
         assert read_file(DEFINED + first + second + END) == ([b'1', b'2', b'3', b'4'], None)
@@ -182,7 +182,7 @@ def finish(counts):
 
 
 def test_the_index_of_a_chunk_hides_no_message(read_file):
-    """One that lacks a topic, or names another, is not used."""
+    """An index that lacks a topic, or names another topic, is not used."""
     data = DEFINED + EVENTS + chunk(BOTH)
     for index in (index_of(1) + index_of(2), index_of(1), index_of(1) + index_of(7), b''):
         for end in (finish({1: 1, 2: 1}), END):
@@ -251,7 +251,7 @@ for path in sys.argv[1:]:
 
 @pytest.mark.skipif(not os.path.exists('/proc/self/status'), reason='needs Linux')
 def test_no_hostile_file_takes_more_than_the_stated_memory(tmp_path):
-    """All of them, in a process that may have 400 MiB more than it starts with."""
+    """All files are read in a process that may use 400 MiB more than at its start."""
     paths = []
     for i, data in enumerate(HOSTILE_FILES.values()):
         paths.append(tmp_path / f'{i}.mcap')

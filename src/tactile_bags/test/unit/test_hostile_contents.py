@@ -63,7 +63,7 @@ def strain_bytes(sequence):
 
 
 def chunked(compression):
-    """Return the data file of the same bag, as other writers make it: two messages a chunk."""
+    """Return the data file of the same bag with chunks of two messages, as of other writers."""
     file = io.BytesIO()
     writer = Writer(file, chunk_size=150, compression=compression)
     writer.start('ros2')
@@ -214,7 +214,7 @@ def test_any_bytes_are_a_message_or_refused(type_name, data):
 
 @pytest.fixture(scope='module')
 def closed_files(tmp_path_factory):
-    """Return the same bag in each way of packing, its messages, and the data file to replace."""
+    """Return the same bag with each kind of compression, its messages, and its data file."""
     path = write_bag(tmp_path_factory.mktemp('changed') / 'bag')
     (file,) = path.glob('*.mcap')
     packed = [file.read_bytes(), *map(chunked, CompressionType)]
@@ -223,9 +223,10 @@ def closed_files(tmp_path_factory):
 
 @given(data=st.data())
 def test_a_changed_bag_is_refused_or_holds_the_same(closed_files, data):
-    """One place changed in a closed file: a sentence, or the messages that it had.
+    """If one byte of a closed file is changed, the bag is refused or has the same messages.
 
-    A checksum notices it. A second change could set that to zero, which says that there is none.
+    The checksum detects the change. A second change could set the checksum to zero, which means
+    that the file has no checksum.
     """
     packed, messages, file = closed_files
     changed = bytearray(data.draw(st.sampled_from(packed)))
@@ -282,7 +283,7 @@ EXTREME = st.sampled_from([0, 1, 2, 59, 2**31, 2**63 - 1])
     stamps_ns=st.lists(st.integers(-(2**31) * 10**9, (2**31) * 10**9 - 1), max_size=6),
 )
 def test_wild_numbers_harm_neither_audit_nor_features(blocks, stamps_ns):
-    """Messages of any content are refused or give windows with a reason, not an exception."""
+    """Messages with any content are refused or result in windows with a reason."""
     auditor, extractor = FingerAuditor('', 60.0), TrialFeatureExtractor(FeatureConfig())
     audits = []
     phases = ['approach', 'hold', 'glide', 'release', 'done', 'approach']
@@ -292,7 +293,7 @@ def test_wild_numbers_harm_neither_audit_nor_features(blocks, stamps_ns):
         extractor.add_event(event)
     for block in blocks:
         try:
-            check_block(block)  # as each conversion does
+            check_block(block)  # as every conversion does
         except MessageError:
             continue
         audits += auditor.add_block(block)

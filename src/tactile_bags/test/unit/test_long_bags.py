@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of long recordings: little memory, and readable wherever they are cut."""
+"""Bags of long recordings need little memory, and can be read wherever they are truncated."""
 
 from collections import Counter
 import io
@@ -20,7 +20,7 @@ from tactile_ros.topics import STRAIN, STRAIN_TOPIC
 
 SIZE = 9000
 COUNT = 300
-"""Messages of this many bytes [byte], saved one by one: some runs of the reader."""
+"""Number of messages that are saved one by one; the reader needs several runs for them."""
 
 
 def payload(i):
@@ -84,9 +84,9 @@ def test_all_that_was_saved_is_read_after_a_kill(unfinished, tmp_path):
 @settings(max_examples=20)
 @given(part=st.floats(0.0, 1.0), zeros=st.sampled_from([0, 1, 4096, 10**7]))
 def test_wherever_it_is_cut_what_came_before_is_read(files, part, zeros):
-    """A file system may also give zeros where data did not come to the disk.
+    """A file system may also return zeros for data that were not written to the disk.
 
-    The last message is not cut: zeros up to the very end of a file may be its own.
+    The last message is not truncated, because zeros at the end of a file may belong to it.
     """
     whole, file = files
     cut = 5000 + round(part * (len(whole) - (9 + 22 + SIZE) - 5000))
@@ -120,7 +120,7 @@ def test_a_recording_in_small_chunks_opens_in_little_memory(tmp_path):
 
 
 def read_by_channel(path):
-    """Return the number of messages on each channel: as counted, and as read."""
+    """Return the counted and the read number of messages on each channel."""
     file = McapFile(path)
     try:
         read = Counter(
@@ -135,9 +135,9 @@ def read_by_channel(path):
 
 @pytest.fixture(scope='module')
 def two_channels(tmp_path_factory):
-    """Return a finished file of two channels in two chunks, and where its last index lies.
+    """Return a finished file of two channels in two chunks, and the position of its last index.
 
-    Its chunks are not packed, as in the bags of version 0.2 and before.
+    The chunks are not compressed, as in the bags of version 0.2 and before.
     """
     data = io.BytesIO()
     writer = Writer(data, compression=CompressionType.NONE)
@@ -153,12 +153,12 @@ def two_channels(tmp_path_factory):
     index_end = data.tell()
     writer.add_metadata('rosbag2', {'serialized_metadata': ''})
     writer.finish()
-    # Behind the chunk: an index of 3 entries for each of the channels.
+    # The chunk is followed by an index of 3 entries for each channel.
     return data.getvalue(), index_end - 2 * (9 + 6 + 3 * 16), index_end
 
 
 def test_a_cut_behind_the_last_chunk_costs_no_message(two_channels, tmp_path):
-    """Truncate, or fill with zeros, at every byte from the last index on."""
+    """The file is truncated, or filled with zeros, from every byte of the last index on."""
     whole, index_start, index_end = two_channels
     path = tmp_path / 'cut.mcap'
     for cut in range(index_start, len(whole) + 1):
