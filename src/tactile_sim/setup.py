@@ -18,7 +18,7 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=False,
     maintainer='Tendon Tactile maintainers',
-    description='The palpation rig as physics, and devices that speak the real wire protocols.',
+    description='Simulation of the palpation rig, with devices that speak the real protocols.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

@@ -162,7 +162,8 @@ class ServedRig:
 class RigClock:
     """The clock of one or several rigs, which starts at 0 and follows the host's clock.
 
-    If the host is too slow, the clock loses time instead of falling further and further behind.
+    If the host is too slow to compute all steps, the clock is slowed down, so that the rig does
+    not fall further and further behind.
     """
 
     def __init__(self, rigs: Sequence[ServedRig]) -> None:
@@ -175,7 +176,7 @@ class RigClock:
 
         Raises `RigError` when the simulation has stopped.
         """
-        # Short waits, so that the clock never has to catch up much.
+        # Waits are short, so that the clock never has to catch up by much.
         due_s = min(self._now_s + _CHUNK_S, *(rig.due_s for rig in self._rigs))
         wait_s = max(self._start_s + due_s - time.monotonic(), 0.0)
         files = [file for rig in self._rigs for file in rig.files]
@@ -184,7 +185,7 @@ class RigClock:
         if behind_s > _MOST_BEHIND_S:
             self._start_s += behind_s
             behind_s = 0.0
-        # In parts, so that bytes from drivers are read in between.
+        # Time is advanced in parts, so that bytes from drivers are read in between.
         self._now_s += min(behind_s, _CHUNK_S)
         try:
             for rig in self._rigs:

@@ -73,7 +73,8 @@ class SimulatedRig:
             stdout=subprocess.PIPE,
             stderr=self._complaints,
             bufsize=0,
-            # Not in the foreground group, so that Ctrl-C does not end the rig before its drivers.
+            # The process is not in the foreground group, so that Ctrl-C does not end the rig
+            # before its drivers.
             start_new_session=True,
         )
         self._pending = b''

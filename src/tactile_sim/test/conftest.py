@@ -4,5 +4,5 @@
 from pathlib import Path
 import sys
 
-# What several test files share lies beside them and is no part of the package.
+# Modules that several tests share are in the folder of the tests and not part of the package.
 sys.path.insert(0, str(Path(__file__).parent))

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Packets that a Dynamixel servo hears."""
+"""Instruction packets for a Dynamixel servo."""
 
 import dynamixel_sdk
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Independent reference of the compiled solver: NumPy, an array operation at a time.
+"""Independent reference of the compiled solver, with NumPy arrays.
 
-It runs the same operations, number for number, so it gives the same bits without a compiler.
+It executes the same arithmetic operations on the same numbers, so it gives the same bits.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ _ALL = slice(None)
 
 
 def in_use(name):
-    """Let the simulator step with this solver, ``compiled`` or ``numpy``."""
+    """Make the simulator use this solver, ``compiled`` or ``numpy``, within the block."""
     if name == 'compiled':
         return contextlib.nullcontext()
     return mock.patch.object(solver, 'load_advance', return_value=advance)
@@ -36,7 +36,7 @@ def advance(state, scene, lengths, start, inputs, coefficients, control, rows, o
                 z[at.FRESH] = 1.0
             pending = failed < 0
             for level in range(steps.MAX_HALVINGS + 1):
-                # A trial without balance tries again from the step's start, in 2^level parts.
+                # A trial without balance is retried from the start of the step, in 2^level parts.
                 kept = z[: at.STATE_ROWS].copy()
                 z[at.ACTIVE] = pending
                 z[at.FRESH, pending] = 1.0 if level else z[at.FRESH, pending]

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What drivers, operators and faults do to a simulated rig at stated steps, in virtual time.
+"""Scripts: actions of drivers, operators and faults on a simulated rig, in virtual time.
 
-`recorded_rigs.npz` holds what each script brought about in the rig of commit c3a91d4a, which
-advanced by single steps and polled every line after each. Run this file to record again, in a
-checkout of the code whose behaviour is the reference.
+`recorded_rigs.npz` contains the result of each script with the rig of commit c3a91d4a, which
+advanced by single steps and polled every line after each step. To record the results again, run
+this file in a checkout of the code whose behaviour is the reference.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tactile_sim.rig import PalpationRig, STEP_S
 
 RECORDED = Path(__file__).with_name('recorded_rigs.npz')
 LOOK_STEPS = 50
-"""Steps between two looks at the true state."""
+"""Number of steps between two reads of the true state."""
 
 _M_PER_COUNT = default_catalogue().rig().tendon.m_per_count
 TRUTH = (
@@ -37,7 +37,7 @@ TRUTH = (
 
 
 class Script(NamedTuple):
-    """Commands by step: (device, bytes), ('mount', names) or ('fault', request)."""
+    """Commands of each step: (device, bytes), ('mount', names) or ('fault', request)."""
 
     seed: int
     steps: int
@@ -45,7 +45,7 @@ class Script(NamedTuple):
 
 
 class Told(NamedTuple):
-    """Bytes that drivers got, (step, device, data), and the truth at every look."""
+    """Bytes that drivers received, as (step, device, data), and the true states."""
 
     said: list[tuple[int, str, bytes]]
     truth: np.ndarray
@@ -106,7 +106,7 @@ class _Writer:
 
 
 def _write_texture():
-    """Two glides over a plate, with polls, a pause in the second one and a second mounting."""
+    """Write two glides over a plate, with polls, a pause in the second one, and a new mounting."""
     script = _Writer(1)
     script.prepare(speed=60, watchdog=15)
     script.poll(0.05, 11.0)
@@ -120,13 +120,13 @@ def _write_texture():
     script.guide(8.6, b'G1X-140F1800\nG4P0.1\nG1X-139F300\n')
     script.guide(8.9, b'!')
     script.guide(9.2, b'~')
-    # Nothing is polled any more: the watchdog stops the servo.
+    # Polling ends, so the watchdog stops the servo.
     script.pull(11.1, 0.0)
     return script.end(12.5)
 
 
 def _write_stiffness():
-    """Presses on objects: one is held, in one the servo stalls, in one the torque is lost."""
+    """Write presses on objects: a hold, a stall of the servo, and a loss of its torque."""
     script = _Writer(2)
     script.prepare(speed=50)
     script.mount(3.0, 'stiffness', 'sponge', 'flexion')
@@ -143,7 +143,7 @@ def _write_stiffness():
 
 
 def _write_faults():
-    """Faults of every line, over a pull and moves, with the drivers' polls."""
+    """Write faults of every line during a pull and moves, with the polls of the drivers."""
     script = _Writer(3)
     script.prepare(watchdog=30)
     script.poll(0.05, 14.0)
@@ -186,7 +186,7 @@ SCRIPTS = {
 
 
 def make_lines(rig, seed):
-    """The lines that a rig's server makes."""
+    """Return the lines between devices and drivers, as the server of a rig creates them."""
     return {
         'guide': GuideLine(rig.guide, seed),
         'tendon': TendonLine(rig.tendon, seed + 1),
@@ -225,7 +225,7 @@ def run_by_steps(script):
 
 
 def run_by_events(script):
-    """Advance to the next command or byte that is due, and poll the lines that are."""
+    """Advance to the next command or due byte, and poll the lines that are due."""
     rig = PalpationRig(script.seed)
     lines = make_lines(rig, script.seed)
     commands = sorted(script.commands)
@@ -251,7 +251,7 @@ def run_by_events(script):
 
 
 def load_recorded(name):
-    """What a script brought about in the reference."""
+    """Return the recorded result of a script."""
     with np.load(RECORDED) as archive:
         steps, devices, sizes, data, truth = (
             archive[f'{name}_{part}'] for part in ('steps', 'devices', 'sizes', 'data', 'truth')

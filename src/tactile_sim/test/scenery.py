@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes with changed descriptions, and short runs of them with any step."""
+"""Scenes with changed descriptions, and short runs of scenes with steps of any length."""
 
 import dataclasses
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from tactile_sim.physics.variation import draw_variation, Variation
 
 CONTACT_GUIDE_M = 0.060
 PULL_M = {'flexion': 0.0054, 'abduction': 0.0075}
-"""Tendon displacement that presses the fingertip on a plate with some 1 N."""
+"""Tendon displacement [m] that presses the fingertip on a plate with about 1 N."""
 
 
 class Run(NamedTuple):
@@ -29,41 +29,41 @@ class Run(NamedTuple):
 
 
 def change(scene, body=None, **finger):
-    """The scene with another body, or with other fields of its finger."""
+    """Return the scene with another body, or with other fields of its finger."""
     finger = dataclasses.replace(scene.finger, **finger)
     return dataclasses.replace(scene, finger=finger, body=body or scene.body)
 
 
 def free_scene(contact='flexion', **finger):
-    """Nothing under the finger."""
+    """Return a scene without a plate or object under the finger."""
     return change(build_scene('stiffness', 'none', contact), **finger)
 
 
 def object_scene(body, contact='flexion', **finger):
-    """A body of one's own under the finger."""
+    """Return a scene with the given body under the finger."""
     return change(build_scene('stiffness', 'sponge', contact), body=body, **finger)
 
 
 def plate_scene(label='F', contact='flexion', **finger):
-    """A packaged plate, with another finger."""
+    """Return a scene with a packaged plate and a changed finger."""
     return change(build_scene('texture', label, contact), **finger)
 
 
 def own_plate(plate):
-    """A plate of one's own under the packaged finger."""
+    """Return a scene with the given plate under the packaged finger."""
     scene = plate_scene('F')
     surface = build_plate_surface(plate, scene.finger.tip_radius_m, 0.002)
     return dataclasses.replace(scene, surface=surface, friction=plate.friction)
 
 
 def draw(count, protocol='texture', label='R2', contact='flexion', seed=1):
-    """Deviations of some trials."""
+    """Return the deviations of some trials."""
     catalogue = default_catalogue()
     return draw_variation(catalogue, contact, protocol, label, seed, 0, count)[0]
 
 
 def ramp(times_s, start_s, before, after, speed):
-    """From one value to another with constant speed."""
+    """Return values that change from one value to another with constant speed."""
     way = np.clip((times_s - start_s) * speed, 0.0, abs(after - before))
     return before + np.copysign(way, after - before)
 
@@ -82,10 +82,10 @@ def run(
     state=None,
     failed=None,
 ):
-    """Advance from rest or a state; inputs are given before the first step and at each end.
+    """Advance from rest or from a state; inputs are given before the first step and after each.
 
-    With ``euler`` each step is as one of another length than the one before. ``failed``: steps at
-    which trials failed before.
+    If ``euler`` is True, each step is treated as if the step before it had another length.
+    ``failed`` contains the steps at which trials have failed before.
     """
     tendon_m = np.asarray(tendon_m)
     steps = len(tendon_m) - 1

@@ -357,7 +357,7 @@ class FaultyLine(Generic[_D]):
         """Begin a fault of this device; the kind ``none`` ends all faults."""
         for kind in list(self._running):
             if request.kind in (END, kind):
-                # Bytes that the old line has delayed are dropped with it.
+                # Bytes that the previous connection has delayed are dropped.
                 self._running.pop(kind)[0].end()
         if request.kind == END:
             return

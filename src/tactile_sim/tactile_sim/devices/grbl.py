@@ -167,7 +167,8 @@ class Planner:
             return
         targets = [position] + [b.target for b in blocks]
         lengths = [b - a for a, b in pairwise(targets)]
-        # Backwards: the highest end speed of each block from which the rest can still stop.
+        # Computed backwards: the highest end speed of each block from which the axis can still
+        # stop within the remaining blocks.
         exits = [0.0] * len(blocks)
         for i in range(len(blocks) - 2, -1, -1):
             if lengths[i] * lengths[i + 1] > 0.0:
@@ -372,7 +373,8 @@ class GrblDevice:
     def _on_rest(self) -> None:
         position = self._planner.state_at(self._now_s)[0]
         if self._on_rail(position) != position:
-            # Steps into the end of the rail are lost: MPos changed, the carriage did not move.
+            # Steps into the end of the rail are lost: MPos has changed, but the carriage has not
+            # moved.
             self._zero_mm += self._on_rail(position) - position
             self._planner.place(self._on_rail(position))
         if self._homing:

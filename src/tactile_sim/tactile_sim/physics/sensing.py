@@ -67,7 +67,7 @@ def compute_drift_step_n(cell: LoadCell) -> float:
 
 
 def convert_one(cell: LoadCell, signal_n: float, noise: float) -> float:
-    """Return the reading for one number, which may be infinite [N].
+    """Return the reading [N] for one force, which may be infinite.
 
     The result equals the result of `convert_to_reading`, bit for bit.
     """

@@ -96,7 +96,7 @@ def split_inputs(before: Any, after: Any, share: float, out: Any) -> None:
 
 
 def begin_step(z: Any, t: Any, coefficients: Any) -> None:
-    """Start from the state of the trial, and assume the same change as in the previous step.
+    """Begin a step with the state of the trial, and predict the same change as in the last step.
 
     The rate of change at the end of the step is ``(q - base) * RATE``: Euler's in a fresh step,
     otherwise the second backward difference (Gear, "Numerical initial value problems in

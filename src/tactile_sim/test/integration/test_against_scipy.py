@@ -28,8 +28,9 @@ SHAPES = np.stack([XI, XI**2 - XI, 2 * XI**3 - 3 * XI**2 + XI])
 LEGENDRE = np.stack([np.ones_like(XI), 2 * XI - 1, 6 * XI**2 - 6 * XI + 1])
 SHARE = 1 / np.array([1.0, 3.0, 5.0])
 STEPS = 1e-30j * np.eye(3)
-# How slowly sliders creep under a force beyond the limit. Ten times as much doubles the
-# differences below; what is left of them is the integrals' along the finger.
+# Time constant with which sliders creep under a force beyond the limit. If it is ten times as
+# large, the differences below double. The rest of the differences is due to the integrals along
+# the finger.
 TIP_VISCOSITY_N_S_M, TENDON_VISCOSITY_S = 1e-5, 1e-7
 
 
@@ -50,7 +51,7 @@ class Reference:
         self.clearance = state[at.CLEARANCE]
         self.offset, self.friction = state[at.OFFSET], state[at.FRICTION]
         self.tendon_m, self.guide_m = tendon_m, guide_m
-        # Ways are counted from here, so that a relative error of them is small.
+        # Distances are measured from here, so that their relative error is small.
         self.started_m = state[at.TIP_SLIDER]
         branches = scene.body.branches if scene.body else ()
         self.branch_n_m = np.array([b.stiffness_n_m for b in branches])
@@ -58,7 +59,7 @@ class Reference:
         self.mass = self._weigh(np.radians(scene.finger.contact_bend_deg))
 
     def _weigh(self, bend_rad):
-        """Mass matrix of an arc, from complex steps and a sum over many points."""
+        """Return the mass matrix of an arc, from complex steps and a sum over many points."""
         xi = (np.arange(2000) + 0.5) / 2000
         shapes = np.stack([xi, xi**2 - xi, 2 * xi**3 - 3 * xi**2 + xi])
         angle = (np.array([bend_rad, 0.0, 0.0]) + STEPS) @ shapes
@@ -92,7 +93,7 @@ class Reference:
         height = incline = rise = 0.0
         if (surface := self.scene.surface) is not None:
             height, incline, _ = (float(v[0]) for v in surface.sample(place[None]))
-            # Over a corner the surface's slope is rounded, its height is not.
+            # At a corner of the surface, the slope is rounded but the height is not.
             cell = int((place - surface.origin_m) / surface.spacing_m)
             rise = surface.table[cell, 1] / surface.spacing_m
         indentation = drop.real[0] - self.clearance + height
@@ -110,7 +111,8 @@ class Reference:
         )
         damping = np.diag(c.damping * SHARE)
         if self.scene.body is None:
-            # Its compression is the indentation: the tip's damper acts on the modes.
+            # The compression of the tip is the indentation, and the damper of the tip acts on the
+            # modes.
             nearing_i = z_i + rise * x_i
             drift = rise * (self.guide_m(time_s + 1e-6) - self.guide_m(time_s - 1e-6)) / 2e-6
             spring = c.tip_stiffness * indentation + c.tip_damping * drift
@@ -160,7 +162,7 @@ class Reference:
 
 
 def compare(scene, tendon_m, guide_m, duration_s, step_s, tolerance):
-    """Difference of tension and normal force over their alternating parts (rms), by time."""
+    """Return errors of tension and normal force, relative to their alternating parts (rms)."""
     steps = round(duration_s / step_s)
     times_s = step_s * np.arange(steps + 1)
     result = run(scene, step_s, tendon_m(times_s), guide_m(times_s), tolerance_nm=1e-10)
@@ -176,7 +178,7 @@ def compare(scene, tendon_m, guide_m, duration_s, step_s, tolerance):
 
 
 def smooth(times_s, duration_s):
-    """From 0 to 1 without a kink of speed or acceleration."""
+    """Return a function from 0 to 1 with continuous speed and acceleration."""
     part = np.clip(times_s / duration_s, 0.0, 1.0)
     return part**3 * (10 - 15 * part + 6 * part**2)
 

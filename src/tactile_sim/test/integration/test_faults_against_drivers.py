@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The real drivers notice every fault of the simulated rig, or get over it; and come back."""
+"""The real drivers detect or tolerate every fault of the simulated rig, and recover after it."""
 
 from multiprocessing.pool import ThreadPool
 import time
@@ -46,7 +46,7 @@ def _sound_again(rig):
 
 
 class Listener:
-    """A sensor client, its blocks, and increments of its counters since `wait_for_blocks`."""
+    """A sensor client, its blocks, and the increase of its counters since `wait_for_blocks`."""
 
     def __init__(self, port):
         self.blocks = []
@@ -69,7 +69,7 @@ class Listener:
         return bool(self.blocks and self.blocks[-1].status & bits)
 
     def wait_for_blocks(self, count):
-        """Wait for some more blocks; from now on they and the counters are new."""
+        """Wait for some more blocks; later blocks and counts are relative to this call."""
         start = len(self.blocks)
         wait_until(lambda: len(self.blocks) >= start + count, lambda: str(self.health))
         self.before = self.health
@@ -100,7 +100,7 @@ SENSOR_FAULTS = {
     'restart': ({}, lambda it: it.gained('restarts') == 1),
     # The driver makes the board leave its menu; samples in between are lost.
     'menu': ({}, lambda it: it.gained('lost_samples') > 10),
-    # It never needs to be heard.
+    # The sensor never needs to receive anything.
     'deaf': ({}, lambda it: len(it.blocks) > 10),
 }
 
@@ -117,7 +117,7 @@ def test_the_sensor_driver_notices_and_comes_back(rig, listener, kind):
     bad = StrainStatus.SATURATED | StrainStatus.STUCK
     wait_until(lambda: not listener.has_status(bad), 'the status stays bad')
     assert listener.health.is_connected
-    # Nothing is repeated, nothing is invented: the unloaded sensor reads next to nothing.
+    # No sample is repeated or invented: the unloaded sensor reads almost zero.
     blocks = listener.blocks[:]
     sequence = [block.sequence for block in blocks]
     assert sequence == sorted(set(sequence))
@@ -167,7 +167,7 @@ def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, begin, kind, option
     with pytest.raises(LinearGuideDriverError):
         guide.move_to(0.05, 0.03)
     rig.fault('guide', 'none')
-    # It is at rest, and does not move without a command.
+    # The guide is at rest, and does not move without a command.
     truth_at_rest(rig)
     guide.home()
     assert guide.trouble is None
@@ -227,7 +227,7 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, 
     rig.fault('tendon', kind, **options)
     with pytest.raises(LinearGuideDriverError, match=reason):
         motion.get(30.0)
-    # What the watchdog, the servo or the driver stopped stays stopped.
+    # A motion that the watchdog, the servo or the driver has stopped is not continued.
     rest_m = rig.truth()['tendon_displacement_m']
     assert rest_m < 0.007
     rig.fault('tendon', 'none')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live rig, driven through its devices in virtual time, and the fast path agree."""
+"""The live rig, driven through its devices in virtual time, agrees with the fast simulation."""
 
 import copy
 from functools import lru_cache
@@ -24,7 +24,7 @@ SPEED_M_S = SPEED_UNITS * 0.229 / 60 * 4096 * default_catalogue().rig().tendon.m
 
 
 class Driver:
-    """Sends bytes to a rig's devices and keeps what the rig truly does."""
+    """Sends bytes to the devices of a rig, and stores the true motion of the rig."""
 
     def __init__(self):
         self.rig = PalpationRig(seed=1, variation=Variation.none())
@@ -47,7 +47,7 @@ class Driver:
 
     @classmethod
     def prepare(cls):
-        """A homed rig with the torque on, ten seconds after it was switched on."""
+        """Return a homed rig with the torque on, ten seconds after it was switched on."""
         return copy.deepcopy(cls._prepare())
 
     @classmethod
@@ -88,11 +88,11 @@ def test_texture_trial():
     fast = motion.truth['tension_n'][0]
     ripple = fast[times > 2.8].std()
     difference = live - fast
-    # The live rig takes longer steps; that and nothing else sets them apart.
+    # The only difference is that the live rig takes longer steps.
     assert np.sqrt(np.mean(difference[times > 2.8] ** 2)) < 0.05 * ripple
     assert np.abs(difference[(times < 0.15) | (times > 1.6)]).max() < 0.04
     assert np.abs(difference).max() < 0.01 * fast.max()
-    # And the load cell's lines say the same, with its noise.
+    # The lines of the load cell contain the same tension, with noise.
     rows = [line.split(b',') for line in driver.lines.split(b'\r\n')[:-1]]
     sent_s = np.arange(len(rows)) * default_catalogue().rig().load_cell.period_s
     said_n = np.array([float(row[1]) for row in rows]) * 9.80665

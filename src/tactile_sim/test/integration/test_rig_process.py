@@ -40,7 +40,8 @@ def test_the_rigs_time_is_the_hosts_and_lines_come_at_60_hz(rig):
             or len(readings) >= 60,
             'too few lines',
         )
-        # It never runs ahead. A busy computer may leave it 0.5 s behind, which it makes up for.
+        # The rig never runs ahead. On a busy computer it may be up to 0.5 s behind, and catches
+        # up.
         assert rig.truth()['time_s'] - before_s <= time.monotonic() - started_s + 0.6
     assert decoder.rejected_lines == 0
     sent_ms = [reading.device_ticks for reading in readings]
@@ -80,7 +81,7 @@ def test_unplug_takes_the_port_away_and_brings_it_back_under_its_name(rig):
         wait_until(lambda: os.path.exists(name), 'the port did not come back')
         assert os.path.realpath(name) != before  # our end of the old one is open yet
     with serial.Serial(name, 115200, timeout=DEADLINE_S) as again:
-        # Its power came through the cable: it counts from 0.
+        # The sensor was powered through the cable, so its time restarts at 0.
         assert b'Readings:\r\n0,' in again.read_until(b'\r\n16,')
 
 
@@ -123,7 +124,7 @@ def test_a_rig_that_does_not_start_or_is_dead_says_why(tmp_path):
     with pytest.raises(RigError, match=r"rig\.yaml\.load_cell\.noise_n is 'loud'"):
         SimulatedRig(description=tmp_path)
     with SimulatedRig() as rig:
-        # Ctrl-C in the terminal of the program that started it does not reach it.
+        # Ctrl-C in the terminal of the program that started the rig does not reach the rig.
         assert os.getpgid(rig._process.pid) != os.getpgid(0)
         rig._process.kill()
         with pytest.raises(RigError, match='-9'):

@@ -176,7 +176,7 @@ def test_a_users_files_are_laid_over_by_key_and_label(tmp_path):
     assert rig.variation.session == dataclasses.replace(was.variation.session, friction=0.0)
     assert catalogue != packaged
     assert catalogue.digest != packaged.digest
-    # It travels to another process without its files.
+    # A catalogue can be passed to another process without its files.
     data = pickle.dumps(catalogue)
     for path in tmp_path.iterdir():
         path.unlink()

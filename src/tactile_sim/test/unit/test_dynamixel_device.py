@@ -20,7 +20,7 @@ PING, REBOOT = 0x01, 0x08
 
 
 class Bench:
-    """A servo on a spring, and its clock."""
+    """A servo that tightens a spring, and a clock."""
 
     def __init__(self):
         self.device = DynamixelDevice(DRIVE)

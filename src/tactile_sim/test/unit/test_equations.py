@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The finger's equations against integrals and derivatives made in another way."""
+"""The equations of the finger agree with integrals and derivatives computed in another way."""
 
 import itertools
 
@@ -28,7 +28,7 @@ MASS, TIP_MASS = 0.02, 0.007
 
 
 def shapes(xi):
-    """The curvature modes at these places, shape (3, places)."""
+    """Return the curvature modes at these positions, shape (3, positions)."""
     return np.stack([xi, xi**2 - xi, 2 * xi**3 - 3 * xi**2 + xi])
 
 
@@ -71,7 +71,7 @@ def test_tip_and_its_slopes_against_64_nodes_in_extended_precision(bend_deg, bou
 
 @pytest.mark.parametrize(('bend_deg', 'bound'), [(60.0, 2e-5), (115.0, 6e-5)])
 def test_weight_is_the_slope_of_the_potential(bend_deg, bound):
-    # Drop of every point of the line, one integral inside the other; slopes by complex step.
+    # The drop of every point of the line is a nested integral; derivatives use complex steps.
     points, weight = np.polynomial.legendre.leggauss(16)
     xi, weight = (points + 1) / 2, weight / 2
     inner = shapes(np.outer(xi, xi).ravel())
@@ -111,7 +111,7 @@ RATE, GRID_LINE = 600.0, np.array(NODE_XI)
 
 
 class Reference:
-    """The balance of the three modes as docs/simulation.md has it, for complex modes too."""
+    """The balance of the three modes as in docs/simulation.md; modes may be complex."""
 
     def __init__(self, case):
         self.case = case
@@ -211,7 +211,7 @@ def random_case(generator, kind):
         'incline': generator.uniform(-0.3, 0.3),
         'bend': generator.uniform(-50.0, 50.0),
         'place': 0.003,
-        # Sticking: shear far below the limit; the tendon within its presliding.
+        # Both stick: the shear is far below the limit, and the tendon has not begun to slide.
         'sliders': [0.003 - 2e-5, modes[0] - 0.003],
         'friction': 0.4,
         'stiff': 1.05,
@@ -285,7 +285,7 @@ def test_balance_and_its_derivatives_against_the_documented_sum(kind):
         def lend(missing, case=case, exact=exact):
             return balance(case, (exact - missing) / case['stiff'])
 
-        # Lending the finger what the sum says to be missing balances it.
+        # If the missing moment of the sum is added, the finger is in balance.
         assert lend(np.zeros(3))[0] < 2e-9
         # Away from the balance, the change solves the linear equations, mode by mode.
         for missing in 1e-4 * np.eye(3):
@@ -328,13 +328,13 @@ def test_object_is_a_spring_behind_the_fingertip(material, inverse_softening):
     )
     touching = force > 0
     assert 0 < touching.sum() < 2001
-    # Series: what the tip and the object are compressed by adds up to the indentation.
+    # In series, the compressions of tip and object add up to the indentation.
     u = p + p**2 * inverse_softening / 2
     both = (force / tip + u)[touching]
     np.testing.assert_allclose(both, indentation[touching], rtol=0, atol=1e-15 + 1e-12 * 5e-3)
     np.testing.assert_allclose(force[touching], (material * p - rest)[touching], rtol=1e-12)
     np.testing.assert_allclose(p[~touching], rest / material)
-    # It grows, without a jump, ever less steeply where the object softens.
+    # If the object softens, the force grows continuously and less and less steeply.
     assert np.all(np.diff(force) >= 0)
     assert force[touching][0] <= tip * (indentation[1] - indentation[0])
     middle = (slope[1:] + slope[:-1])[touching[:-1]] / 2
@@ -348,7 +348,7 @@ def test_object_is_a_spring_behind_the_fingertip(material, inverse_softening):
 
 @pytest.mark.parametrize(('wrap', 'bound'), [(0.0, 4e-15), (0.125, 2e-7), (0.3, 1e-5)])
 def test_capstan_series(wrap, bound):
-    """Moments of exp(-wrap xi) on the modes; 0.125 is 115 deg at the packaged friction."""
+    """Moments of exp(-wrap xi) on the modes; a wrap of 0.125 is 115 deg with packaged friction."""
     constants = CONSTANTS._replace(
         tendon_friction=wrap, stiffness=0.0, mass=0.0, tip_mass=0.0, arm=1.0, tendon_stiffness=1.0
     )

@@ -32,7 +32,7 @@ PING, PONG = encode_instruction(1, 0x01), encode_status(1, 0, b'\xfc\x03\x2d')
 
 
 class Parrot:
-    """Sends a line in each poll, and echoes received bytes."""
+    """Device that sends a line in each poll and echoes received bytes."""
 
     def receive(self, data, now_s):
         return data
@@ -168,7 +168,7 @@ def test_a_mute_sensor_and_an_unplugged_one_lose_their_lines():
     assert bench.wait(0.499) == b''
     assert int(bench.wait(0.1).split(b',')[0]) >= 500
     bench.begin('unplug', 0.1)
-    # It is powered through the cable, so it restarts.
+    # The sensor is powered through the cable, so it restarts.
     assert bench.wait(0.1) == b''
     assert b'version 1.2\r\n' in (said := bench.wait(0.7))
     assert b'Readings:\r\n0,' in said
@@ -202,7 +202,7 @@ def test_a_restarted_servo_is_silent():
     bench.begin('restart')
     assert bench.send(PING) == b''
     bench.wait(0.35)
-    # Half a packet before, the other half after: no packet.
+    # Half of a packet arrives before the restart and half after it, so there is no packet.
     assert bench.send(PING[6:]) == b''
     assert bench.send(PING) == PONG
 

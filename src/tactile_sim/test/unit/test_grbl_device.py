@@ -50,7 +50,7 @@ def test_ok_means_planned_and_dwell_means_done():
     said = bench.send('G21G90G94\nG1X-169F900\nG4P0.01\n?')
     assert said.count('ok') == 2
     assert '<Run|' in said
-    # From rest: distance / speed + speed / acceleration, then the dwell.
+    # Expected time from rest: distance / speed + speed / acceleration, and then the dwell.
     assert 'ok' not in bench.send('', after_s=30 / 15 + 15 / 500 + 0.009)
     assert bench.send('', after_s=0.002) == 'ok\r\n'
     assert bench.mpos() == -169.0

@@ -1,10 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hard cases stay within their bounds; descriptions that are merely accepted never mislead.
+"""Hard cases stay within error bounds, and every accepted description gives a valid result.
 
-Each hard case returns a value, infinite where a step found no balance, and the bound on it. Most
-compare the tension with steps 40 times finer: rms relative to its alternating part.
+Each hard case returns an error and its bound. The error is infinite if a step found no balance.
+Most cases compare the tension with a simulation with steps 40 times finer (rms of the difference,
+relative to the alternating part).
 """
 
 import dataclasses
@@ -36,7 +37,7 @@ FINER = 40
 
 
 def _glide(times_s):
-    """Press within 0.2 s, then glide over the grooves at 15 mm/s."""
+    """Return the error of a press within 0.2 s and a glide over the grooves at 15 mm/s."""
     tendon_m = ramp(times_s, 0.02, 0.0, 0.0054, 0.03)
     return tendon_m, 0.074 + ramp(times_s, 0.25, 0.0, 1.0, 0.015)
 
@@ -78,7 +79,7 @@ def edge_at_a_sample():
 
 
 def groove_narrower_than_the_tip():
-    """A tenth of a millimetre wide: the tip of 5 mm hardly feels it."""
+    """A groove of 0.1 mm hardly changes the path of a tip with a radius of 5 mm."""
     flat = _tension(plate_scene('F'), _glide, 0.7, STEP_S)[1]
     grooved = _tension(_plate(pitch_mm=2.0, width_mm=0.1, depth_mm=5.0), _glide, 0.7, STEP_S)[1]
     value = np.abs(flat - grooved).max()
@@ -97,7 +98,7 @@ def slack_tendon(displacement_m):
 
 
 def long_steps(factor):
-    """Three orders too long at most: bounded, and close to the truth, at the steps' ends."""
+    """Steps up to 1000 times too long give bounded results that are accurate at their ends."""
     step_s = STEP_S * factor
     scene = plate_scene('R3')
     times_s = step_s * np.arange(max(round(2.0 / step_s), 2) + 1)
@@ -112,7 +113,7 @@ def long_steps(factor):
 
 
 def _release(times_s):
-    """48 mm/s is all that the drive can do: contact and tension are lost within 0.1 s."""
+    """Release at 48 mm/s, the highest speed of the drive: contact is lost within 0.1 s."""
     tendon_m = ramp(times_s, 0.02, 0.0, 0.0054, 0.03) + ramp(times_s, 0.3, 0.0, -0.0054, 0.048)
     return tendon_m, np.full(len(times_s), CONTACT_GUIDE_M)
 
@@ -136,7 +137,7 @@ def long_hold():
 
 
 def shortest_lengths():
-    """Everything that may be zero or tiny is: finger, tip, groove, branches, damping."""
+    """Every value of the description that may be zero or tiny is zero or tiny."""
     finger = {
         'length_m': 0.01,
         'moment_arm_m': 1e-4,
@@ -156,12 +157,12 @@ def shortest_lengths():
 
 
 COMPARED = {
-    # A finger with mass bounces on a surface that is a thousand times stiffer.
+    # A finger with inertia bounces on a surface that is a thousand times stiffer.
     **{f'contact {n}': ({'tip_stiffness_n_m': n * 3e3}, 0.06) for n in (0.1, 1, 10, 100)},
     'contact 1000': ({'tip_stiffness_n_m': 3e6}, 0.1),
     'undamped contact': ({'tip_damping_n_s_m': 0.0}, 0.06),
     'undamped contact 1000': ({'tip_stiffness_n_m': 3e6, 'tip_damping_n_s_m': 0.0}, 0.1),
-    # Friction is not smoothed by speed: a stiff shear spring is the counterpart of that.
+    # Friction does not depend on speed here; a stiff shear spring has the corresponding effect.
     'shear 1000': ({'tip_shear_stiffness_n_m': 2e6}, 0.06),
     'tendon presliding': ({'tendon_presliding_m': 1e-7}, 0.06),
     'no mass': ({'mass_kg': 0.0, 'tip_mass_kg': 0.0}, 0.02),
@@ -195,7 +196,7 @@ def test_hard_case(name):
 
 
 def any_number(field):
-    """Over the whole accepted range, by orders of magnitude."""
+    """Return a strategy for all accepted numbers, uniform in their order of magnitude."""
     low, high = field.metadata['range']
     if low < 0.0 < high:
         return st.floats(low, high)
@@ -227,7 +228,7 @@ GUIDE_M = 0.060 + ramp(TIMES_S, 0.03, 0.0, 0.002, 0.05)
 
 
 def check(scene):
-    """Finite rows, and a failure says where; a trial that goes on does what springs allow."""
+    """Check that all values are finite, and that forces do not exceed what the springs allow."""
     try:
         trusted_nm = TRUSTED_NM if scene.inertia else 0.0
         result = run(scene, 1 / 600, TENDON_M, GUIDE_M, trusted_nm=trusted_nm)

@@ -133,7 +133,7 @@ def test_lines_carry_time_and_filtered_tension_between_steps(step_s):
     assert [int(line[0]) for line in lines[:4]] == [0, 16, 33, 50]
     true_s = np.arange(len(lines)) / 60 * (1 + 30e-6)
     lag_s = 1 / (2 * np.pi * FINE.low_pass_hz)
-    # A ramp through one pole, from rest: it lags by its time constant.
+    # The response of one pole to a ramp from rest lags by the time constant.
     wanted = 2.0 * (true_s - lag_s * (1 - np.exp(-true_s / lag_s)))
     assert read_newtons(lines) == pytest.approx(wanted, abs=ROUNDING_N + 1e-6)
     assert {tuple(line[2:]) for line in lines} == {(b'kg', b'SIMULATED', b'')}

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts that a scene leaves out change nothing; those that it has do what their names say."""
+"""Parts that a scene omits have no effect, and each part has the effect that its name states."""
 
 import dataclasses
 
@@ -54,7 +54,7 @@ def test_the_mounting_height_and_the_tendons_zero_shift_the_contact():
     described = touch()
     assert touch(contact_height_m=5e-4) < described - 5e-5
     assert touch(contact_height_m=-5e-4) > described + 5e-5
-    # Tightened by 0.1 mm before it is taut, it does everything 0.1 mm later.
+    # The tendon becomes taut 0.1 mm later, so every response is shifted by 0.1 mm.
     assert touch(tendon_zero_m=1e-4) - described == pytest.approx(1e-4, abs=2.1e-5)
 
 
@@ -71,7 +71,7 @@ def test_circle_on_step_rolls_over_the_edge():
     x = grid(0.01)
     step = np.where(x <= 0, 0.0, -2e-3)
     dilated = dilate_by_circle(step, SPACING_M, RADIUS_M)
-    # Beyond the edge the circle turns about it until it reaches the lower level.
+    # Beyond the edge the circle rolls around the edge until it reaches the lower level.
     lower = np.sqrt(RADIUS_M**2 - (RADIUS_M - 2e-3) ** 2)
     edge = np.sqrt(RADIUS_M**2 - np.clip(x, 0, RADIUS_M) ** 2) - RADIUS_M
     expected = np.where(x <= 0, 0.0, np.where(x >= lower, -2e-3, edge))

@@ -32,7 +32,7 @@ TIMES_S = STEP_S * np.arange(301)
 
 
 def make_trial(protocol, label, contact, count):
-    """Press at 20 mm/s, then glide along a plate."""
+    """Return the inputs of a trial: press at 20 mm/s, then glide along a plate."""
     scene = build_scene(protocol, label, contact)
     tendon = ramp(TIMES_S, 0.02, 0.0, PULL_M[contact], 0.03)
     glide = ramp(TIMES_S, 0.35, 0.0, 1.0, 0.015)
@@ -68,7 +68,7 @@ def test_both_solvers_give_the_same_bytes(names, trusted_nm, euler):
 
 @pytest.mark.parametrize('stiffer', [1.0, 1e3])
 def test_unchecked_changes_solve_the_steps(stiffer):
-    """Also where the tendon's friction turns round within a step."""
+    """This includes steps within which the friction of the tendon reverses."""
     scene, *inputs, variation = make_trial('texture', 'C1', 'flexion', 4)
     presliding_m = scene.finger.tendon_presliding_m / stiffer
     scene = change(scene, tendon_presliding_m=presliding_m)
@@ -113,7 +113,7 @@ def test_no_balance_is_a_failure_from_that_step_on():
 
 
 def test_a_step_too_long_for_the_iterations_is_cut_into_parts():
-    """From slack to closed within one step, where plain Newton steps are too large."""
+    """One step from a slack tendon to a closed finger, for which Newton's steps are too large."""
     one, other = (
         run(free_scene(), 1.0, np.array([0.0, 0.02]), solver=solver)
         for solver in ('compiled', 'numpy')
@@ -184,7 +184,7 @@ ROWS = [at.TENSION, at.FORCE, at.SENSED, at.MODES + 1, at.CREEP, at.SQUEEZED, at
 
 
 def compute_error(scene, euler, steps):
-    """Of several rows against many more steps, relative to how far they go, shape (rows,)."""
+    """Return errors against a run with many more steps, relative to the range, shape (rows,)."""
 
     def sample(count, euler):
         times_s = np.linspace(0.0, 0.3, count + 1)
@@ -220,7 +220,7 @@ def test_a_pressed_object_recovers_alone_once_it_is_out_of_reach(step_s):
     press = ramp(1e-3 * np.arange(1001), 0.0, 0.0, 0.006, 0.1)
     pressed = run(scene, 1e-3, press).state
     assert pressed[at.FORCE, 0] > 0.1
-    # Taken from under the tip, its compression falls with the time 2 s (200 + 300) / 200.
+    # Without contact, the compression of the object decays with the time 2 s (200 + 300) / 200.
     count = round(2.0 / step_s)
     result = run(scene, step_s, np.full(count + 1, 0.006), 0.090, state=pressed)
     branch, left, force = result.rows[[at.BRANCHES, at.PRESSED, at.FORCE], 0]

@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""SIMULATED: the servo's current beside the sensor, as the tendon's driver compares them."""
+"""SIMULATED: comparison of motor current and sensor, as in the driver of the tendon."""
 
 import math
 
@@ -21,7 +21,7 @@ M_PER_COUNT = math.tau * CONFIG.pulley_radius_m / known.COUNTS_PER_TURN
 DISPLACEMENT_M = {'flexion': 0.0049, 'abduction': 0.0074}
 POLL_NS = 16_666_667
 SENSOR_DELAY_NS = 10_000_000
-"""The serial line and the sensor's driver; the polling of the samples."""
+"""Delays of a sample [ns]: serial line and sensor driver, and polling."""
 
 OBJECTS = [
     (protocol, label)
@@ -31,7 +31,7 @@ OBJECTS = [
 
 
 class Bench:
-    """Simulated servo, finger and sensor in virtual time, with the driver's safety."""
+    """Simulated servo, finger and sensor in virtual time, with `TendonSafety` of the driver."""
 
     def __init__(self, protocol, label, contact):
         self.contact = contact
@@ -62,7 +62,7 @@ class Bench:
         self.tension_n = self.tension_n[0]
 
     def cycle(self, frozen_n=None):
-        """One poll of the servo; return the order that follows."""
+        """Simulate one poll of the servo; return the order of safety that follows."""
         self.now_ns += POLL_NS
         self.read_sensor()
         tension_n = self.tension_n if frozen_n is None else frozen_n
@@ -79,7 +79,7 @@ class Bench:
         return self.safety.decide(self.rig.tendon.displacement_m, self.now_ns)
 
     def pull(self, displacement_m, speed_m_s, frozen_n=None):
-        """Pull until there, or for 3 s, or until safety ends it; return the last order."""
+        """Pull to a displacement, or for 3 s, or until safety ends it; return the last order."""
         pull = Pull(displacement_m, self.contact)
         self.safety.admit(pull, 0.0, self.now_ns)
         velocity = round(speed_m_s / M_PER_COUNT / VELOCITY_COUNTS_S)

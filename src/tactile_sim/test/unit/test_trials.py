@@ -67,7 +67,7 @@ def test_a_phase_of_the_sampling_is_a_motion_that_is_later_by_it():
     late = Timeline(delay(SHORT.guide_moves), delay(SHORT.tendon_moves), SHORT.duration_s)
     delayed = simulate_motion(scene, late, Variation.none()).truth['bend_rad'][0]
     prompt = simulate_motion(scene, SHORT, Variation.none()).truth['bend_rad'][0]
-    # Steps of another grid hit kinks elsewhere: alike but for the error of a step.
+    # The steps meet kinks at other times, so results differ by the error of a step.
     assert np.abs(lagging - delayed).max() < 2e-4
     assert np.abs(lagging - prompt).max() > 5e-3
 
@@ -105,7 +105,7 @@ def test_kept_modes_begin_with_the_bend():
 def test_failed_trials_are_not_numbers_from_there_on():
     scene = build_scene('texture', 'R2', 'flexion')
     surface = scene.surface
-    # One trial comes to a place where the surface is not a number.
+    # One trial reaches a position where the surface is NaN.
     table = surface.table.copy()
     table[: round((0.020 - surface.origin_m) / surface.spacing_m)] = np.nan
     spoilt = dataclasses.replace(scene, surface=dataclasses.replace(surface, table=table))
@@ -132,7 +132,7 @@ def test_softer_objects_give_less_tension_and_all_relax(contact):
     limit = {'flexion': 15.0, 'abduction': 3.0}[contact]  # the paper's Fig. 1
     levels, slopes = [], []
     for label in ('pla', 'solid_rubber', 'rubber_shell', 'sponge', 'none'):
-        # The same friction for all: it holds the tip back, as much as the stiffness does.
+        # All objects have the same friction, because friction has as much influence as stiffness.
         scene = dataclasses.replace(build_scene('stiffness', label, contact), friction=0.4)
         motion = simulate_motion(scene, PRESS[contact], Variation.none())
         held = (motion.sample_times_s > 0.9) & (motion.sample_times_s < 1.9)
@@ -161,7 +161,7 @@ def test_the_papers_stiffness_trial():
 
 def test_the_free_finger_bends_as_in_the_papers_figure_1():
     scene = build_scene('stiffness', 'none', 'flexion')
-    # One trial for each pull: their tendons differ in their zero.
+    # Each pull is a trial with another zero of the tendon.
     pulls_m = np.linspace(0.0, 0.016, 33)
     variation = dataclasses.replace(Variation.none(33), tendon_zero_m=-pulls_m)
     inputs = scene.compute_inputs(np.zeros(1), np.array([0.06]))[0]
@@ -237,7 +237,7 @@ def make_plant(protocol='texture', label='R2', tendon_m=0.0):
 
 
 def test_live_steps_are_those_of_a_run_by_euler():
-    """It may not use the differences of the step before: every call could be the first."""
+    """A live step must not use differences of the last step, because any call may be the first."""
     plant = make_plant()
     tension = [plant.tension_n]
     for guide_m, tendon_m in zip(GUIDE_M[1:], TENDON_M[1:], strict=True):
@@ -264,7 +264,7 @@ def test_exchange_brings_the_finger_to_rest_on_what_is_new(before, after):
     fresh = make_plant(*after, 0.0004)
     assert plant.tension_n == pytest.approx(fresh.tension_n, abs=1e-4)
     assert plant.bend_rad == pytest.approx(fresh.bend_rad, abs=1e-6)
-    # It is at rest: nothing happens but that the tendon begins to stick.
+    # The finger is at rest; the only change is that the tendon begins to stick.
     for _ in range(20):
         plant.step(0.060, 0.0004)
     assert plant.bend_rad == pytest.approx(fresh.bend_rad, abs=1e-5)
@@ -286,7 +286,7 @@ def test_the_rig_refuses_what_it_cannot_do():
 
 
 def test_mounting_draws_the_next_trials_variation():
-    """A plate that is mounted twice is not at the same place twice, but again on another rig."""
+    """Two mountings of a plate differ, but another rig draws the same two mountings."""
     places = []
     for _ in range(2):
         rig = PalpationRig(seed=3)

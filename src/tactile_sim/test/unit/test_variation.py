@@ -18,7 +18,7 @@ RIG = PACKAGED.rig()
 
 
 def with_variation(**levels):
-    """The packaged catalogue with these levels; the others do not vary."""
+    """Return the packaged catalogue with these levels of variation, and no other variation."""
     fixed = VariationSpread(*[0.0] * 8)
     variation = VariationLevels(**{'trial': fixed, 'mounting': fixed, 'session': fixed, **levels})
     return PACKAGED.with_rig(dataclasses.replace(RIG, variation=variation))
@@ -121,7 +121,7 @@ def test_spread_within_a_session_is_its_levels(level, per_mounting):
             assert np.ptp(variation.sensor_bias_n) == 0.0
             continue
         values = getattr(variation, name)
-        # From the deviation that all of the session share.
+        # Deviations are relative to the deviation that all trials of the session share.
         deviations = values / values.mean() - 1 if name in FACTORS else values - values.mean()
         assert deviations.std() == pytest.approx(size, rel=0.09, abs=1e-15), name
 
