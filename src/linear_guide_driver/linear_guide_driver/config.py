@@ -25,9 +25,9 @@ class EmergencyStopConfig:
 
     emergency_stop_topic: str = parameter(
         '',
-        'topic (std_msgs/Bool) of an emergency stop: true, or silence, stops the rig until it is '
-        'reset. The publisher must send false periodically while the rig may move. An empty name '
-        'means that there is no emergency stop',
+        'topic (std_msgs/Bool) of an emergency stop. The publisher must send false periodically '
+        'while the rig may move. If it sends true, or nothing, the rig is stopped until it is '
+        'reset. An empty name means that there is no emergency stop',
     )
     emergency_stop_timeout_s: float = parameter(
         0.5,
@@ -102,7 +102,7 @@ class LinearGuideConfig(_MotionConfig):
     )
     strain_timeout_s: float = parameter(
         0.0,
-        'every motion ends if no valid sample arrives on tendon_sensor/strain for this time; 0: '
+        'every motion ends if no valid sample arrives on tendon_sensor/strain for this time; 0 if '
         'motion needs no samples',
         unit='s',
         range=(0.0, 10.0),
@@ -189,14 +189,14 @@ class TendonActuatorConfig(_MotionConfig):
         5.0,
         'during a pull, the tendon is held, then slackened, if the tension computed from the '
         'motor current exceeds the reading of the sensor by this amount, for example because the '
-        'sensor is stuck. 0: the two values are not compared',
+        'sensor is stuck. 0 disables the comparison',
         unit='N',
         range=(0.0, 1000.0),
     )
     saturation_n: float = parameter(
         0.0,
         'magnitude of the reading at which the tendon sensor saturates, equal to saturation_n of '
-        'its driver. At this reading the tendon is slackened. 0: not known',
+        'its driver. At this reading the tendon is slackened. 0 if the range is unknown',
         unit='N',
         range=(0.0, 1e6),
     )
@@ -249,7 +249,7 @@ class TendonActuatorConfig(_MotionConfig):
     hang_timeout_s: float = parameter(
         0.0,
         'if the poll of the driver does not run for this time, the driver is killed, so that '
-        'launch can restart it and the tendon is slackened. 0: never, for example under a '
+        'launch can restart it and the tendon is slackened. 0 disables this, for example under a '
         'debugger',
         unit='s',
         range=(0.0, 60.0),

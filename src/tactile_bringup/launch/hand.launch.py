@@ -50,7 +50,7 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         'sensor_port',
         default_value='',
-        description='serial port of the load cell, for a single finger; none: another node '
+        description='serial port of the load cell, for a single finger; none if another node '
         'publishes tendon_sensor/strain. Default: the port in params_file, or '
         '/dev/tactile/<finger>; for a finger without a name /dev/tactile/sensor',
     ),

@@ -58,9 +58,9 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         'sensor_port',
         default_value='',
-        description='serial port of the load cell; none: another node publishes '
-        'tendon_sensor/strain, unless params_file has a sensor with an address (net_ft) or a '
-        'topic. Default: the port in params_file, or /dev/tactile/sensor',
+        description='serial port of the load cell. none: there is no load cell; the sensor is the '
+        'Net F/T or the topic in params_file or, if there is neither, another node publishes '
+        'tendon_sensor/strain. Default: the port in params_file, or /dev/tactile/sensor',
     ),
     DeclareLaunchArgument(
         'sensor_topic',

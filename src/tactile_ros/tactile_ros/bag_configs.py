@@ -28,13 +28,13 @@ class RecorderConfig:
     )
     rig: bool = parameter(
         True,
-        'the rig moves the fingers; false: a hand moves them, and the recorder does not wait for '
-        'topics of the rig',
+        'true if the rig moves the fingers. If false, a hand moves them, and the recorder does '
+        'not wait for topics of the rig',
     )
     classifier: bool = parameter(
         False,
-        'a classifier is running; false: its topics are recorded if present, but the recorder '
-        'does not wait for them',
+        'true if a classifier is running. If false, the topics of a classifier are recorded if '
+        'they appear, but the recorder does not wait for them',
     )
     match_timeout_s: float = parameter(
         10.0,

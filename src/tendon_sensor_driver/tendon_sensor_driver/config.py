@@ -59,10 +59,12 @@ class TendonSensorConfig:
     )
     port: str = parameter('/dev/ttyUSB0', 'serial port of a sensor that sends lines')
     baud: int = parameter(115200, 'speed of the serial port', unit='baud', range=(300, 12_000_000))
-    value_column: int = parameter(1, 'column of the value in a line, from 0', range=(0, 63))
+    value_column: int = parameter(
+        1, 'column of the value in a line, counted from 0', range=(0, 63)
+    )
     time_column: int = parameter(
         0,
-        'column of the device time in a line, from 0; -1: the device sends no time',
+        'column of the device time in a line, counted from 0; -1 if the device sends no time',
         range=(-1, 63),
     )
     time_unit_s: float = parameter(0.001, 'unit of the device time', unit='s', range=(1e-9, 1.0))
@@ -140,8 +142,8 @@ class TendonSensorConfig:
     )
     rate_hz: float = parameter(
         60.0,
-        'nominal sample rate; a Net F/T is set to it. 0, which only a topic allows: the rate is '
-        'measured during the first two seconds',
+        'nominal sample rate; a Net F/T is set to this rate. For a topic, 0 means that the rate '
+        'is measured during the first two seconds',
         unit='Hz',
         range=(0.0, 10_000.0),
     )
@@ -154,14 +156,15 @@ class TendonSensorConfig:
     )
     saturation_n: float = parameter(
         0.0,
-        'magnitude of the tension from which a sample is marked as saturated; 0: not known',
+        'a sample is marked as saturated if the magnitude of its tension is at least this value; '
+        '0 if the range of the sensor is unknown',
         unit='N',
         range=(0.0, 1e6),
     )
     stuck_s: float = parameter(
         0.8,
-        'duration of exactly equal samples (at least ten) after which the sensor counts as '
-        'stuck; 0: never, for a sensor of coarse resolution',
+        'the sensor counts as stuck if at least ten samples have been exactly equal for this '
+        'time; 0 disables the check, for a sensor of coarse resolution',
         unit='s',
         range=(0.0, 3600.0),
     )
