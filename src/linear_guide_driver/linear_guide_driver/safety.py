@@ -567,7 +567,7 @@ class TendonSafety:
         return None
 
     def _find_homing_obstacle(self, now_ns: int) -> Refusal | None:
-        """Return why the sensor's tare must be wrong, or None."""
+        """Return why homing is not possible because the tare is wrong, or None."""
         tension_n = self.tension.live_n(now_ns)
         if tension_n is None or tension_n > -self._config.taut_tension_n:
             return None

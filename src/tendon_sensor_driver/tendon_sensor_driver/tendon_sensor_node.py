@@ -95,7 +95,7 @@ class TareGuard:
 
 
 class SensorStage(Stage):
-    """The sensor, its tare, and the topics ``~/strain``, ``~/wrench`` and ``~/tare_state``.
+    """Stage of the sensor: reads it, subtracts the tare, and publishes strain, wrench and tare.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ def move(guide, grbl):
 
 def test_a_guide_at_rest_is_asked_slowly_and_a_moving_one_at_full_rate(guide, monkeypatch):
     monkeypatch.setattr(connection, 'REST_AFTER_S', 0.1)
-    monkeypatch.setattr(connection, 'REST_REPORT_S', 1e3)  # a rest that outlasts this test
+    monkeypatch.setattr(connection, 'REST_REPORT_S', 1e3)  # longer than this test
     monkeypatch.setattr(connection, 'SILENCE_S', 1e3)
     guide.home()
     there = guide._connection
@@ -56,7 +56,7 @@ def test_a_guide_at_rest_is_asked_slowly_and_a_moving_one_at_full_rate(guide, mo
     there._link._on_tick = note_tick
     wait_until(lambda: len(ticks) > 5)
     at_rest = there._reports
-    wait_until(lambda: len(ticks) > 30)  # a second, or 20 reports at full rate
+    wait_until(lambda: len(ticks) > 30)  # one second at rest; at full rate 20 reports
     assert there._reports == at_rest
     assert set(ticks) == {connection.REST_TICK_S}
     guide.move_to(0.031, 0.03)
@@ -173,7 +173,7 @@ def test_a_stop_that_comes_first_moves_nothing(guide, grbl):
 
 def test_a_stop_between_the_lines_of_a_move_sends_no_move(guide, grbl):
     guide.home()
-    grbl.replies['G21.*'] = b''  # the modes are never answered: the move waits there
+    grbl.replies['G21.*'] = b''  # the line with the modes is never answered, so the move waits
     move = Background(guide.move_to, 0.1, 0.05)
     wait_until(lambda: grbl.lines[-1].startswith('G21'))
     assert guide.request_stop()
@@ -219,7 +219,8 @@ def test_a_move_whose_stepper_runs_dry_is_started_again(guide, grbl):
 def test_a_held_move_is_not_started_again(guide, grbl, monkeypatch, who):
     guide.home()
     grbl.runs_dry = 1
-    if who == 'driver':  # after the last look for a stop, before the cycle start
+    # the hold comes after the last check for a stop, and before the cycle start
+    if who == 'driver':
         stalls = property(lambda _: grbl.is_dry and guide.request_stop())
         monkeypatch.setattr(connection.GrblConnection, 'has_stalled', stalls)
     move = Background(guide.move_to, 0.011, 0.05)
@@ -242,7 +243,7 @@ def test_a_restart_of_the_controller_loses_the_position(guide, grbl, move):
 def test_a_refused_line_or_another_end_is_no_success(guide, grbl):
     for reply, text in (
         (b'error:22\r\n', 'error:22'),
-        (b'ok\r\n', r'Idle.* 0\.001'),  # taken, and nothing moves
+        (b'ok\r\n', r'Idle.* 0\.001'),  # the line is accepted, but nothing moves
     ):
         guide.home()
         grbl.replies['G53 G1.*'] = reply
@@ -348,7 +349,8 @@ def test_a_driver_killed_in_a_homing_from_a_known_position_leaves_as_little(grbl
     driver.wait()
     killed_at = grbl.mpos
     wait_until(lambda: not grbl.is_moving)
-    assert grbl.mpos > killed_at - 10  # only $H would move to the switch, 80 mm away
+    # only $H would move the guide to the switch, which is 80 mm away
+    assert grbl.mpos > killed_at - 10
     assert grbl.lines.count('$H') == 1
 
 
@@ -357,7 +359,7 @@ def test_a_homing_from_a_known_position_begins_near_the_switch(guide, grbl, home
     grbl.homed_mm, grbl.home_s = homed_mm, 0.3
     guide.home()
     guide.move_to(0.1, 0.1)
-    for start_m in (0.1, near_m):  # there is no way to go for the second
+    for start_m in (0.1, near_m):  # for the second homing, the guide is near the switch already
         homing = Background(guide.home)
         wait_until(lambda: grbl.state == 'Home')
         assert grbl.mpos == pytest.approx((near_m - 0.2) * 1e3, abs=0.01), start_m
@@ -386,7 +388,7 @@ def test_a_fault_before_the_homing_cycle_asks_for_a_homing(guide, grbl):
     homing.ends_by(MotionFailedError, 'ALARM:1')
     assert guide.trouble
     lines = len(grbl.lines)
-    guide.home()  # the whole way, since the position is unknown
+    guide.home()  # the cycle covers the whole distance, because the position is unknown
     assert not any(line.startswith('G1') for line in grbl.lines[lines:])
 
 
@@ -397,7 +399,7 @@ def test_a_move_that_pauses_on_the_way_is_counted_and_a_steady_one_is_known(guid
     assert guide.last_move.lag_s < 0.25
     guide.move_to(0.053, 0.05)
     assert guide.last_move is None, 'a move of 40 ms gives too few reports to judge it'
-    late_moves = guide.late_moves  # a busy computer may have paused one before
+    late_moves = guide.late_moves  # on a busy computer, an earlier move may have paused
     move = Background(guide.move_to, 0.113, 0.1)
     wait_until(lambda: grbl.is_moving)
     grbl.pause_s = 0.5

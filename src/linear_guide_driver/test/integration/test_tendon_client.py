@@ -55,13 +55,13 @@ def test_a_missed_goal_is_not_repeated_once_safety_orders_another(tendon, servo)
             return False
         servo.lose = lambda address: False
         feed(tendon.safety, [16.0], time.monotonic_ns())
-        servo._answer(0)  # late, to the write before
+        servo._answer(0)  # a late answer to the previous write
         return True
 
     servo.lose = lose
     with pytest.raises(MotionFailedError, match=' N'):
         tendon.pull_to(0.005)
-    wait_until(lambda: servo.writes.count((116, 0)) == 2)  # at the start, and slackened
+    wait_until(lambda: servo.writes.count((116, 0)) == 2)  # once at the start, and once to slacken
     assert {value for address, value in servo.writes if address == 116} == {0}
 
 
@@ -229,7 +229,7 @@ def test_a_tendon_held_where_its_zero_cannot_be_must_be_homed(connect, servo):
 
 
 def test_no_release_tightens(connect, servo):
-    servo.leave_as_a_driver(0, 2048)  # further in than any pull: the zero is unknown
+    servo.leave_as_a_driver(0, 2048)  # tightened by more than any pull, so the zero is unknown
     tendon = connect(max_displacement_m=0.002)
     below = 2048 - 652  # 10 mm below the zero, as after homings that failed
     servo.turn_to(below)
@@ -284,7 +284,7 @@ def test_no_hold_tightens_while_its_packets_are_lost(connect, servo, reverse, co
         if address != 116 or len(lost) == count:
             return False
         lost.append(servo.position)
-        servo.turn_to(servo.position + out)  # it is on its way out
+        servo.turn_to(servo.position + out)  # the servo is slackening the tendon
         servo.put(116, 4, servo.get(132))
         return True
 
@@ -293,7 +293,8 @@ def test_no_hold_tightens_while_its_packets_are_lost(connect, servo, reverse, co
     assert servo.goal == servo.position == lost[-1] + out
 
 
-@pytest.mark.parametrize('looks', [0, 1])  # before the begin, and while it waits for the bus
+# before the motion begins, or while it waits for the bus
+@pytest.mark.parametrize('looks', [0, 1])
 def test_a_stop_before_the_goal_is_written_moves_nothing(tendon, servo, looks):
     count = len(servo.writes)
     answers = iter([False] * looks)
@@ -339,7 +340,7 @@ def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first
 
     def end_pull():
         told.set()
-        assert asked.wait(5.0)  # the pull has seen it, and the release is not written yet
+        assert asked.wait(5.0)  # the pull has seen the request, but the release is not written yet
 
     pull = begin_pull(tendon, servo, lambda _: None, should_stop)
     tendon.request_release(end_pull)
@@ -370,9 +371,10 @@ def test_one_pull_at_a_time_and_close_slackens_the_tendon_before_the_torque_goes
 
 
 def test_no_pull_runs_at_the_speed_of_another(tendon, servo, monkeypatch):
-    monkeypatch.setattr(servo_monitor, 'FAILED_POLLS', 50)  # a busy computer answers for a servo
+    # a busy computer delays the answers of the servo
+    monkeypatch.setattr(servo_monitor, 'FAILED_POLLS', 50)
     tendon.pull_to(0.002)
-    tendon.request_release()  # as fast as the servo can
+    tendon.request_release()  # at the highest speed of the servo
     wait_until(lambda: servo.position == 2048)
     lost, speeds = [], []
 
@@ -380,7 +382,7 @@ def test_no_pull_runs_at_the_speed_of_another(tendon, servo, monkeypatch):
         if address not in (112, 116) or lost:
             return False
         lost.append(address)
-        servo._answer(0)  # late, to a write before
+        servo._answer(0)  # a late answer to an earlier write
         return True
 
     servo.lose = lose
@@ -394,7 +396,7 @@ def test_a_current_limit_whose_packet_is_lost_is_in_force_before_the_torque_is(c
         if address != 102:
             return False
         servo.lose = lambda address: False
-        servo._answer(0)  # late, to a write before
+        servo._answer(0)  # a late answer to an earlier write
         return True
 
     servo.lose = lose
@@ -423,7 +425,8 @@ def test_nothing_tightens_before_the_current_limit_is_confirmed(tendon, servo):
 
     def lose(address):
         if address == 116 and not lost:
-            servo.put(102, 2, 1193)  # as when the goal's packet is lost and the servo is odd
+            # as if the packet of the goal was lost and the servo has another limit
+            servo.put(102, 2, 1193)
             lost.append(address)
             return True
         return False
@@ -437,7 +440,7 @@ def test_nothing_tightens_before_the_current_limit_is_confirmed(tendon, servo):
 
 def test_a_restarted_driver_keeps_the_zero_and_slackens_the_tendon(tendon, connect, servo):
     tendon.pull_to(0.004)
-    tendon._monitor.close()  # as when it is killed: it says nothing more
+    tendon._monitor.close()  # as if the driver was killed: it sends nothing more
     tendon._servo.bus.close()
     assert servo.position == pytest.approx(2048 + 261, abs=2)
     client = connect(unguarded=False)
@@ -451,15 +454,16 @@ def test_a_slack_tendon_at_rest_is_polled_slowly_and_a_pull_wakes_the_poll(
     connect, servo, monkeypatch
 ):
     monkeypatch.setattr(servo_monitor, 'REST_AFTER_S', 0.1)
-    monkeypatch.setattr(servo_monitor, 'REST_POLLS', 1e-3)  # a rest that outlasts this test
+    # the period of polls at rest is longer than this test
+    monkeypatch.setattr(servo_monitor, 'REST_POLLS', 1e-3)
     monkeypatch.setattr(servo_monitor, 'LONGEST_REST_POLL_S', 1e3)
     monitor = (tendon := connect())._monitor
     wait_until(lambda: tendon.is_at_rest and monitor.period_s > 100.0)
     polls = [monitor.wait_poll(0.2) for _ in range(2)]
-    assert polls[1] is None  # the first may have been under way
+    assert polls[1] is None  # the first poll may have been running already
     tendon.pull_to(0.004)
     held = servo.packets
-    wait_until(lambda: servo.packets > held + 30)  # in a hold
+    wait_until(lambda: servo.packets > held + 30)  # the full rate is kept in a hold
     assert not tendon.is_at_rest
     assert monitor.period_s == pytest.approx(1 / 60)
     tendon.pull_to(0.0)

@@ -31,7 +31,7 @@ def test_a_tripped_watchdog_ends_the_pull_and_the_goals_are_unlocked(tendon, ser
 def test_a_watchdog_that_trips_unseen_does_not_stop_a_fresh_command(tendon, servo):
     for recoveries, register in enumerate((112, 116), 1):
         tendon.pull_to(0.01)
-        servo.trips_before = register  # later than the last poll
+        servo.trips_before = register  # the watchdog trips after the last poll
         tendon.pull_to(0.0)
         assert servo.trips_before is None
         assert (servo.position, servo.table[98]) == (2048, 20)
@@ -41,7 +41,7 @@ def test_a_watchdog_that_trips_unseen_does_not_stop_a_fresh_command(tendon, serv
 def test_an_idle_trip_of_the_servos_watchdog_mends_itself(tendon, servo):
     lost = []
 
-    def lose(address):  # the watchdog is switched off, and not armed again
+    def lose(address):  # loses the packet that arms the watchdog again
         if address == 98 and servo.table[98] == 0 and len(lost) < 3:
             lost.append(address)
             return True
@@ -66,7 +66,7 @@ def test_a_goal_that_is_refused_for_another_reason_says_so(tendon, servo, monkey
 
 def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(tendon, servo):
     polls = servo.packets
-    wait_until(lambda: servo.packets > polls + 45)  # 0.7 s, almost twice the watchdog's time
+    wait_until(lambda: servo.packets > polls + 45)  # 0.7 s, almost twice the time of the watchdog
     assert servo.table[98] == 20
     servo.is_mute = True  # the answers are lost; the driver must fall silent to stop it
     pull = Background(tendon.pull_to, 0.02, 0.01)
@@ -133,7 +133,8 @@ def test_slackening_survives_an_outage(connect, servo):
         wait_until(lambda: tendon.trouble, str(begin))
         assert 'by itself' in tendon.trouble.remedy
         end()
-        wait_until(lambda: servo.position == 2048, str(begin))  # without a command
+        # the tendon is slackened without a command
+        wait_until(lambda: servo.position == 2048, str(begin))
         wait_until(lambda: not tendon.trouble and tendon.state.displacement_m == 0.0, str(begin))
     tendon.pull_to(0.01)
     feed(tendon.safety, [16.0], time.monotonic_ns())
@@ -155,7 +156,7 @@ def test_a_release_that_cannot_be_written_is_carried_out_later(connect, servo):
 def test_a_pull_to_slack_that_a_servo_does_not_hear_is_carried_out_later(connect, servo):
     tendon = connect(slack_after_s=30.0)
     tendon.pull_to(0.01)
-    servo.is_silent = True  # the pull finds it out, before it is an outage
+    servo.is_silent = True  # the pull detects the silence before it counts as an outage
     with pytest.raises(LinearGuideDriverError):
         tendon.pull_to(0.0)
     servo.is_silent = False
@@ -183,7 +184,8 @@ def test_another_servo_behind_the_port_is_left_alone(connect, servo, change):
     for address, value in before.items():
         servo.put(address, sizes.get(address, 1), value)
     assert servo.writes[count:] == []
-    wait_until(lambda: servo.position == 2048 and not tendon.trouble)  # the right one is back
+    # the right servo is connected again
+    wait_until(lambda: servo.position == 2048 and not tendon.trouble)
     assert servo.get(102, 2) == 112
 
 
@@ -212,7 +214,7 @@ def blink(servo):
 def test_a_blink_of_the_power_loses_the_zero_though_the_torque_is_on(connect, servo, is_noticed):
     servo.turn_to(4000)
     tendon = connect(slack_after_s=0.2)
-    tendon.pull_to(0.004)  # beyond the turn: its count is lost
+    tendon.pull_to(0.004)  # more than one turn, so the count of turns is lost
     assert servo.position == 4261
     servo.is_silent = True
     blink(servo)

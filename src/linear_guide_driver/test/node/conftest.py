@@ -27,7 +27,7 @@ DEADLINE_S = 10.0
 
 
 class Bench:
-    """One node under test and one that talks to it, spun on a thread."""
+    """The node under test and a second node that communicates with it, spun on a thread."""
 
     def __init__(self, context):
         self.context = context

@@ -134,7 +134,8 @@ def test_a_move_in_which_the_guides_driver_was_frozen_is_over(guide, grbl):
     goal = guide.send(MOVE)
     wait_until(lambda: grbl.is_moving)
     with guide.frozen():
-        wait_until(lambda: not grbl.is_moving)  # it has executed the motion received in advance
+        # Grbl has executed the motion that it had received in advance
+        wait_until(lambda: not grbl.is_moving)
     # A driver frozen between its last check and a write sends that piece of the move later.
     assert_rests(lambda: grbl.mpos, most=PIECE_MM)
     assert_ended_by_standstill(guide, goal)

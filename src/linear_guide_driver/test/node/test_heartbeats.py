@@ -67,9 +67,9 @@ def test_a_guide_whose_poll_hangs_gives_no_sign_of_life(bench, grbl):
         connection = client._connection
         return None if connection is None else connection._link
 
-    while not is_lost:  # a busy computer may have had to reconnect
+    while not is_lost:  # on a busy computer, the driver may have reconnected
         link = wait_until(find_link)
-        with link._write_lock:  # as a write that blocks holds it
+        with link._write_lock:  # a blocked write would also hold this lock
             wait_until(lambda link=link: watch.find_loss() or find_link() is not link)
             is_lost = bool(watch.find_loss())
     wait_until(lambda: not watch.find_loss())
@@ -116,7 +116,8 @@ def test_of_two_tendon_drivers_none_tightens_and_both_slacken(bench, servo, twin
             named = 'tendon_actuator/presence (/tendon_actuator, /tendon_actuator)'
             for node in (bench.node, second):
                 wait_until(lambda node=node: named in ' '.join(node._find_missing()))
-            wait_until(lambda: abs(servo.position - SLACK) <= 33)  # it was taut
+            # the taut tendon has been slackened
+            wait_until(lambda: abs(servo.position - SLACK) <= 33)
             handle = bench.send(PullTendon, '/tendon_actuator/pull', **PULL)
             bench.aborts(handle, named)
             assert max(abs(each.position - SLACK) for each in (servo, second_servo)) <= 33
@@ -188,7 +189,8 @@ def test_a_tendon_driver_that_waits_is_left_and_a_frozen_one_is_killed_and_the_n
     wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
     servo.unplug()
     wait_until(watch.find_loss)
-    with pytest.raises(subprocess.TimeoutExpired):  # it waits for its servo and does not hang
+    # the driver waits for its servo and does not hang
+    with pytest.raises(subprocess.TimeoutExpired):
         driver.wait(4 * HANG_S)
     servo.plug_in()
     wait_until(lambda: not watch.find_loss())

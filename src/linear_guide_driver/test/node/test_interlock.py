@@ -111,7 +111,7 @@ def test_without_reports_the_guide_moves_by_hand_only(guide, grbl, report):
     wait_until(lambda: 'the servo is silent' in ' '.join(readiness[-1].missing))
     assert guide.result(move(guide, 0.01, allow_taut=True))[0] == 'succeeded'
     report(Slack.SLACK)
-    handle = move(guide, 0.19, 0.01)  # longer than reports may be silent
+    handle = move(guide, 0.19, 0.01)  # the move takes longer than the allowed silence of reports
     guide.aborts(handle, f'tendon_actuator/slack for {REPORT_AGE_S:g} s')
     assert guide.node._client.state.position_m is not None
     assert not grbl.is_moving
@@ -140,7 +140,8 @@ def test_an_unknown_zero_is_no_slack_tendon_until_it_was_slackened(bench, servo)
     client.safety.set_zero(Zero.UNKNOWN, 'it was lost')
     wait_until(lambda: heard[-1].state == TendonSlack.UNKNOWN)
     assert 'zero' in heard[-1].reason
-    assert bench.call('/tendon_actuator/release').success  # without a sensor: by a length
+    # if there is no sensor, by a fixed length
+    assert bench.call('/tendon_actuator/release').success
     wait_until(lambda: heard[-1].state == TendonSlack.SLACK)
     assert client.state.displacement_m == pytest.approx(-0.02, abs=0.0006)
     servo.unplug()

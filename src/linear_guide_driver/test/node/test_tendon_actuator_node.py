@@ -60,7 +60,7 @@ def test_pull_and_release_succeed_with_feedback_joint_states_and_diagnostics(
     assert len(joints[-1].effort) == 0
     wait_until(lambda: diagnostics)
     assert diagnostics[-1].hardware_id == 'Dynamixel XM430-W350 firmware 45'
-    assert diagnostics[-1].level == WARN  # not guarded
+    assert diagnostics[-1].level == WARN  # the tension limit is not guarded
     assert tendon.result(pull(tendon, 0.0, 0.04))[0] == 'succeeded'
     wait_until(lambda: servo.position == 2048)
 
@@ -96,7 +96,7 @@ def test_the_limit_is_guarded_while_holding_and_a_release_that_fails_is_tried_ag
     assert tendon.result(pull(tendon, 0.005, 0.04))[0] == 'succeeded'
     lost = []
 
-    def lose(address):  # more goal positions than one call tries to write
+    def lose(address):  # loses more writes of the goal than one call attempts
         if address == 116 and len(lost) < 4:
             lost.append(address)
             return True
@@ -117,7 +117,7 @@ def test_a_lost_goal_that_seems_to_be_answered_is_written_again(tendon, servo, s
     def lose(address):
         if address == 116 and len(lost) < to_lose:
             lost.append(address)
-            servo._answer(0)  # late, to the write before
+            servo._answer(0)  # a late answer to the previous write
             return True
         return False
 
@@ -193,7 +193,7 @@ def home(bench, taut_tension_n=0.0):
 
 
 def test_homing_finds_where_the_tendon_is_taut_and_counts_from_there(tendon, servo, sensor):
-    for taut_at in (2048 + 65, 2048 - 65):  # slack by 1 mm, later taut by 2 mm already
+    for taut_at in (2048 + 65, 2048 - 65):  # the zero is 1 mm too early, then 1 mm too late
         sensor.tension_n = lambda taut_at=taut_at: max(0.0, (servo.position - taut_at) / 65.19)
         present_n = sensor.tension_n()
         wait_until(lambda n=present_n: tendon.node._client.safety.tension.latest_n == n)

@@ -113,7 +113,7 @@ def test_slackening_ends_a_running_pull_instead_of_being_refused(bench, servo, p
     slow = pull(bench, 0.0, 0.001)
     assert bench.result(tightening)[0] == 'aborted'
     rest = servo.position
-    wait_until(lambda: servo.position < rest)  # the slow one has begun
+    wait_until(lambda: servo.position < rest)  # the slow pull has begun
     assert bench.call('/tendon_actuator/release').success
     bench.aborts(slow, 'released')
     wait_until(lambda: is_slack(servo))
@@ -150,12 +150,12 @@ def test_all_samples_that_wait_count_at_once(bench, servo):
     wait_until(publisher.get_subscription_count)
     values = [0.001 * i for i in range(800)]
     values[400] = 20.0  # above the limit, in the middle
-    with bench.node.lock:  # it cannot take any meanwhile
+    with bench.node.lock:  # the node cannot take samples meanwhile
         for number, value in enumerate(values):
             publisher.publish(StrainBlock(sequence=number, tension_n=[value]))
         assert publisher.wait_for_all_acked()
     wait_until(lambda: sum(map(len, taken)) == 800)
-    assert len(taken) <= 2  # the last ones may not be in the queue yet
+    assert len(taken) <= 2  # the last samples may not be in the queue yet
     assert taken[0][:700] == values[:700]
     assert safety.tension.latest_n == values[-1]
 
@@ -173,7 +173,8 @@ def test_old_samples_are_no_live_ones(bench, servo, peers):
 
 
 def test_a_step_of_the_clock_makes_no_sample_old(bench, servo, peers):
-    start(bench, servo, guard_timeout_s=2.0, heartbeat_timeout_s=2.0)  # shorter than the steps
+    # the time-outs are shorter than the steps of the clock
+    start(bench, servo, guard_timeout_s=2.0, heartbeat_timeout_s=2.0)
     bench.node.now_ns = lambda: time.time_ns() + round(peers.step_s * 1e9)
     pull_taut(bench, peers)
     for step_s in (-3600.0, 3600.0):
@@ -205,7 +206,7 @@ def test_a_driver_whose_cable_is_plugged_in_again_is_ready_by_itself(bench, serv
     answer = bench.call('/tendon_actuator/release')
     assert (answer.success, servo.port in answer.message) == (False, True), answer.message
     servo.plug_in()
-    wait_until(lambda: is_slack(servo))  # the goal requested meanwhile
+    wait_until(lambda: is_slack(servo))  # slackening was requested during the outage
     peers.tension_n = 0.0
     wait_until(lambda: not bench.node._find_missing())
     pull_taut(bench, peers)
@@ -239,7 +240,7 @@ def test_tension_at_the_zero_asks_for_homing_and_slackening_goes_by_the_sensor(
 
 
 class Other:
-    """The part of a bench that `Peers` needs: another node that publishes."""
+    """Another node that publishes, with the attributes of a bench that `Peers` uses."""
 
     def __init__(self, context):
         self.peer = Node('other_sensor', context=context)
@@ -267,7 +268,7 @@ def test_a_sensor_driver_that_starts_again_is_believed_after_a_still_reading(ben
     pull_taut(bench, peers)
     peers.published = 0
     wait_until(lambda: is_slack(servo))
-    peers.tension_n = -1.9  # the tare is gone
+    peers.tension_n = -1.9  # the restarted sensor has no tare
     wait_until(lambda: bench.node._client.safety.tension.latest_n == -1.9)
     bench.aborts(pull(bench, TAUT_M), '-1.90 N')
     peers.tension_n = 0.0
@@ -276,7 +277,7 @@ def test_a_sensor_driver_that_starts_again_is_believed_after_a_still_reading(ben
 
 
 def test_a_saturated_sensor_that_is_stuck_slackens_and_stop_does_not_hold(bench, servo, peers):
-    start(bench, servo)  # a loss would hold for 30 s
+    start(bench, servo)  # a loss would hold the tendon for 30 s
     pull_taut(bench, peers)
     peers.status = StrainBlock.STATUS_SATURATED | StrainBlock.STATUS_STUCK
     wait_until(lambda: bench.node._client.safety.alarm)

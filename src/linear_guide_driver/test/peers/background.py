@@ -35,7 +35,7 @@ class Background:
 
 
 def begin_pull(tendon, servo, *arguments):
-    """Return a running pull by 20 mm."""
+    """Start a pull by 20 mm on a thread, and return it while it runs."""
     pull = Background(tendon.pull_to, 0.02, 0.01, *arguments)
     wait_until(lambda: servo.position > 2100)
     return pull

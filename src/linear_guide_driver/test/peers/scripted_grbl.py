@@ -42,15 +42,15 @@ class ScriptedGrbl(PtyPeer):
         self.homed_mm = -199.0  # where a homing cycle ends [mm]
         self.banner = b"\r\nGrbl 1.1h ['$' for help]\r\n"
         self.build = b'[VER:1.1h.20190830:]\r\n[OPT:%s,15,128]\r\nok\r\n'
-        self.pause_s = 0.0  # for how long it shall stop on the way, once
-        self.runs_dry = 0  # how many times the stepper shall run dry while a dwell waits
+        self.pause_s = 0.0  # duration of one stop during a move [s]
+        self.runs_dry = 0  # number of times that the stepper buffer runs empty while a dwell waits
         self.is_dry = False  # Idle with moves queued, until a cycle start
-        self._critical_s = None  # when the alarm came that only a reset ends
-        self.real_time = b''  # bytes that came, but for status queries
+        self._critical_s = None  # time of an alarm that only a reset ends
+        self.real_time = b''  # received real-time bytes, except status queries
         self._mpos = -57.0  # machine position [mm]
         self._moves = []  # (target [mm], speed [mm/s])
         self._moved_s = time.monotonic()
-        self._waiting = []  # lines without room in the planner, or behind such lines
+        self._waiting = []  # lines that wait for room in the planner, and the lines after them
         self._due = []  # (time, function)
         self._partial = b''
         super().__init__()
@@ -189,7 +189,7 @@ class ScriptedGrbl(PtyPeer):
             was_moving = self.is_moving
             self._moves.append((float(match[1]), float(match[2]) / 60))
             self.say(b'ok\r\n')
-            if not was_moving:  # the Idle race
+            if not was_moving:  # a dwell that finds the stepper buffer empty leaves Grbl in Idle
                 self.say(b'<Idle|MPos:%.3f,0,0|FS:0,0>\r\n' % self.mpos)
         else:
             self.say(b'ok\r\n')

@@ -59,10 +59,10 @@ class ServoModel:
         for address, size, value in TABLE:
             self.put(address, size, value)
         self.writes = []
-        self.lasting_error = 0  # the hardware error that a restart does not end
-        self.trips_before = None  # register before whose next write the watchdog trips
-        self.stuck_at = None  # counts beyond which the load does not yield
-        self._part = 0.0  # of a count, turned already
+        self.lasting_error = 0  # hardware error that remains after a restart
+        self.trips_before = None  # the watchdog trips before the next write of this register
+        self.stuck_at = None  # position [counts] beyond which the load does not yield
+        self._part = 0.0  # fraction of a count that the shaft has turned
         self._heard_s = self._turned_s = clock()
 
     def put(self, address, size, value):
@@ -161,16 +161,17 @@ class ScriptedServo(ServoModel, PtyPeer):
 
     def __init__(self):
         ServoModel.__init__(self)
-        self.packets = 0  # heard so far
+        self.packets = 0  # number of received packets
         self.is_silent = False
         self._silent_until_s = 0.0
-        self.is_mute = False  # hears, but its answers are lost
-        # Whether the packet is lost that reads from this register, or writes it as the last one.
+        self.is_mute = False  # packets are received, but the answers are lost
+        # Function of a register; if it returns True, a packet that reads from this
+        # register, or whose last written register it is, is lost.
         self.lose = lambda address: False
-        self.status_error = 0  # with which every instruction is refused
-        self.lost_answers = 0  # how many of the next answers are lost
-        self.late_s = 0.0  # how late the next answer is
-        self.owed = b''  # the data of an answer to an earlier question, which comes first
+        self.status_error = 0  # error with which every instruction is refused
+        self.lost_answers = 0  # number of next answers that are lost
+        self.late_s = 0.0  # delay of the next answer [s]
+        self.owed = b''  # data of a late answer to an earlier request, which is sent first
         self._partial = b''
         PtyPeer.__init__(self)
 

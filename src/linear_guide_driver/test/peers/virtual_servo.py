@@ -107,9 +107,11 @@ class VirtualLine:
         self.time, self.servo = time, servo
         self.faults = deque()
         self.is_plugged = True
-        self.plugs = 0  # how often it was plugged in: a port that was opened before is lost
+        # number of times that the cable was plugged in; a port opened before the last time
+        # is lost
+        self.plugs = 0
         self.on_heard = lambda instruction, parameters: None
-        self._late = deque()  # answers, and when they arrive
+        self._late = deque()  # late answers and their times of arrival
 
     def unplug(self):
         self.is_plugged = False
@@ -138,7 +140,8 @@ class VirtualLine:
             elif fault != 'mute':
                 answers.append(answer)
         self.time.sleep((EXCHANGE_NS if answers else TIMEOUT_NS) / 1e9)
-        return answers[0] if answers else None  # a further one is dropped before the next question
+        # a second answer is dropped before the next request
+        return answers[0] if answers else None
 
 
 class VirtualBus(DynamixelBus):

@@ -22,7 +22,8 @@ def test_a_topic_is_silent_before_the_first_message_and_after_the_time_out():
     watchdog.beat(1000 * MS)
     assert watchdog.was_heard
     assert find_loss((watchdog,), 1200 * MS) is None
-    assert ' b ' in str(find_loss((watchdog, other), 1200 * MS))  # the first that is silent
+    # the first silent topic is reported
+    assert ' b ' in str(find_loss((watchdog, other), 1200 * MS))
     assert 'trial_runner/heartbeat for 0.2 s' in str(find_loss((watchdog, other), 1201 * MS))
     watchdog.beat(1300 * MS)
     assert watchdog.find_loss(1300 * MS) is None
@@ -38,7 +39,7 @@ def ages(lag, stamps_from_ns, arrivals_from_ns, count, period_ns=PERIOD_NS):
 
 def test_a_delay_shows_whole_and_ends_with_it():
     lag = SampleLag()
-    assert set(ages(lag, 7 * S, 3 * MS, 1500)) == {0}  # as ever
+    assert set(ages(lag, 7 * S, 3 * MS, 1500)) == {0}  # no sample is late
     late_ns = ages(lag, 22 * S, 15 * S + 800 * MS, 100)
     assert set(late_ns) == {797 * MS}
     assert lag.add(23 * S, 16 * S + 4 * MS) == MS
@@ -61,7 +62,8 @@ def test_a_clock_that_stands_makes_no_sample_older():
 def test_a_step_during_a_silence_settles_within_ten_seconds_or_at_once_if_it_is_told():
     lag = SampleLag()
     ages(lag, 0, 0, 100)
-    after_ns = ages(lag, 2 * S, 4 * S, 1200)  # set back by 2 s, unseen
+    # the clock was set back by 2 s, which was not detected
+    after_ns = ages(lag, 2 * S, 4 * S, 1200)
     assert after_ns[0] == 2 * S
     assert set(after_ns[1000:]) == {0}
     assert lag.add(20 * S, 24 * S, is_step=True) == 0

@@ -52,7 +52,7 @@ def test_the_start_is_known_after_two_reports_in_motion():
     known = []
     for stamp_ns, position_m in reports(*GLIDE):
         track.add(stamp_ns, position_m)
-        track.add(stamp_ns, position_m)  # the same report again is none
+        track.add(stamp_ns, position_m)  # a repeated report is ignored
         known.append((stamp_ns - START_NS, track.start_ns is not None))
     assert min(at_ns for at_ns, is_known in known if is_known) == 130_000_000
     assert track_of(GLIDE, []).start_ns is None

@@ -62,7 +62,7 @@ def test_every_node_knows_a_stop_and_a_reset():
 def test_a_node_that_starts_again_is_stopped_like_the_others():
     guide, fresh = StopLatch(), StopLatch()
     guide.stop('pressed')
-    fresh.join(lambda: None, lambda: 2)  # itself and the guide
+    fresh.join(lambda: None, lambda: 2)  # the latch itself and the guide
     fresh.take(fresh.state, 'fresh')
     assert not fresh.was_heard
     fresh.take(guide.state, 'guide')
@@ -158,7 +158,7 @@ def test_a_silence_that_only_a_motion_has_seen_latches_too():
     latch.join(lambda: changes.append(latch.state), lambda: 0)
     latch.hear_emergency(False, 0)
     assert '0.5 s' in str(latch.find_loss(600 * MS))
-    assert not changes  # it may be asked under any lock
+    assert not changes  # find_loss may be called under any lock, so it calls no callback
     latch.hear_emergency(False, 601 * MS)
     assert changes == [
         StopState(1, True, f'no message has arrived from the emergency stop on {TOPIC} for 0.5 s')

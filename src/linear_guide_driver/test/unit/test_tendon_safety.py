@@ -149,7 +149,7 @@ def test_a_refused_pull_changes_nothing(safety, pull, text):
 
 
 def test_samples_are_needed_while_taut_and_silence_ends_in_slack(safety):
-    assert safety.decide(0.0, 60_000 * MS) is Order.FOLLOW  # needs no peers: slack and idle
+    assert safety.decide(0.0, 60_000 * MS) is Order.FOLLOW  # a slack, idle tendon needs no peers
     assert safety.alarm is None
     hold_taut(safety)
     assert safety.decide(TAUT_M, 250 * MS) is Order.FOLLOW
@@ -197,7 +197,7 @@ def test_slackening_that_was_stopped_needs_samples_as_any_taut_tendon_does(safet
     safety.admit(Pull(0.0), TAUT_M, 0)
     assert safety.decide(TAUT_M, 1000 * MS) is Order.FOLLOW
     safety.hold(0)
-    assert safety.decide(TAUT_M, 1001 * MS) is Order.HOLD  # the goal itself has not ended yet
+    assert safety.decide(TAUT_M, 1001 * MS) is Order.HOLD  # the goal has not ended yet
     assert 'sample' in safety.reason
     assert safety.decide(TAUT_M, 3001 * MS) is Order.RELEASE
 
@@ -238,7 +238,7 @@ def test_a_lost_topic_holds_then_slackens_and_slackening_is_always_admitted():
         safety.admit(Pull(0.006), TAUT_M, 300 * MS)
     safety.admit(Pull(0.0), TAUT_M, 300 * MS)
     assert safety.decide(TAUT_M, 300 * MS) is Order.FOLLOW
-    assert safety.decide(0.002, 5000 * MS) is Order.FOLLOW  # goes on without anybody
+    assert safety.decide(0.002, 5000 * MS) is Order.FOLLOW  # slackening continues without peers
 
 
 def test_a_stop_that_ends_a_slackening_holds_for_good(safety):
@@ -431,7 +431,7 @@ def test_a_tendon_that_was_left_taut_is_slackened_before_anything_tightens():
     assert sense(safety, 10.9) is Order.RELEASE
     with pytest.raises(MotionRefusedError, match='slacken it first'):
         safety.admit(Pull(0.006), TAUT_M, 0)
-    for now_ms in (0, 100, 200):  # the tendon is out already, the samples lag behind
+    for now_ms in (0, 100, 200):  # the tendon is slack already, but the samples are late
         safety.decide(0.0, now_ms * MS)
     assert sense(safety, 0.1, 0.0, 300 * MS) is Order.FOLLOW
     assert safety.zero is Zero.KNOWN
@@ -491,7 +491,7 @@ def test_a_new_zero_is_judged_anew():
     safety = make_unconfirmed()
     feed(safety, [2.0], 0)
     with pytest.raises(MotionRefusedError, match='wait'):
-        safety.admit(Pull(TAUT_M), 0.0, 0)  # even without a poll in between
+        safety.admit(Pull(TAUT_M), 0.0, 0)  # this holds even without a poll in between
     safety.set_zero(Zero.UNCONFIRMED)
     assert safety.tension.live_n(0) is None
     sense(safety, 2.0, 0.0, 500 * MS)

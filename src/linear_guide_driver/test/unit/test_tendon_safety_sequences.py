@@ -109,8 +109,8 @@ class Tendon(RuleBasedStateMachine):
         self.activity = Activity()
         self.latch = StopLatch()
         self.latch.emergency = EmergencyInput('emergency', 0.5) if has_emergency else None
-        self.pull = None  # that began, and may tighten
-        self.speed_m_s = 0.0  # of that pull
+        self.pull = None  # pull that has begun and may tighten
+        self.speed_m_s = 0.0  # speed of that pull
         self.wrong = None
         self.goal_m = 0.0
         self.are_all_there = self.is_busy = False
@@ -120,11 +120,12 @@ class Tendon(RuleBasedStateMachine):
         self.lost_since_ns = self.above_since_ns = self.stopped_since_ns = None
         self.strange_since_ns = None
         self.pause_until_ns = 0
-        self.slipped_counts = 0  # since the last poll
+        self.slipped_counts = 0  # counts since the last poll
         self.client = self.make_client()
         self.latch.join(lambda: self.client.supervise(), lambda: 0)
-        self.zero_lost_counts = 0  # as of the servo when its zero was taken
-        self.has_restarted = False  # the servo, and the driver has not set it up since
+        self.zero_lost_counts = 0  # counts that the servo had lost when its zero was taken
+        # the servo has restarted, and the driver has not set it up since
+        self.has_restarted = False
         self.line.on_heard = self.note_instruction
         if found != 'off':
             self.servo.leave_as_a_driver(first_count, first_count + 65 * place_mm)
@@ -249,7 +250,7 @@ class Tendon(RuleBasedStateMachine):
 
     @rule()
     def change_the_tare(self):
-        for _ in range(2):  # the first that a driver hears of is no change
+        for _ in range(2):  # for a new driver, the first tare is not a change
             self.tares += 1
             self.safety.tension.note_tare(self.tares)
         self.tare_changed_at_ns = self.now_ns
@@ -284,7 +285,7 @@ class Tendon(RuleBasedStateMachine):
             self.begin(Pull(self.at_m + direction * 0.005, 'abduction', is_homing=True))
 
     def begin(self, pull, speed_m_s=SPEED_M_S):
-        before_m_s = self.speed_m_s  # of a goal that may still be active
+        before_m_s = self.speed_m_s  # speed of a goal that may still be active
         self.pull, self.speed_m_s = pull, speed_m_s
         is_latched = self.latch.find_loss(self.now_ns) is not None
         try:
@@ -411,7 +412,7 @@ class Tendon(RuleBasedStateMachine):
                 self.client.connect()
                 return
         self.servo.put(70, 1, 0)
-        self.servo.put(64, 1, 0)  # it may have been strange to a new driver
+        self.servo.put(64, 1, 0)  # the torque may have been on, which a new driver does not accept
         self.connect()
 
     # -- faults --------------------------------------------------------------------------
@@ -484,7 +485,8 @@ class Tendon(RuleBasedStateMachine):
     @rule(counts=st.sampled_from([-2000, -300, -70, -5]))
     def slip(self, counts):
         """Let the load turn the shaft and its goal in the direction that slackens the tendon."""
-        if not self.pull and self.slipped_counts + counts >= -2000:  # further, it is a jump
+        # a larger slip counts as a jump
+        if not self.pull and self.slipped_counts + counts >= -2000:
             self.slipped_counts += counts
             self.servo.turn_to(self.servo.position + counts)
             self.servo.put(116, 4, self.servo.get(132))
@@ -497,7 +499,7 @@ class Tendon(RuleBasedStateMachine):
         self.line.faults.clear()
         if self.servo.table[70] and not self.servo.table[64]:
             self.poll()
-            return  # only a restart ends that
+            return  # only a restart ends this error
         end_ns = self.now_ns + round(HEALED_S * 1e9)
         while self.now_ns < end_ns:
             self.poll()
@@ -527,7 +529,8 @@ class Tendon(RuleBasedStateMachine):
         return (
             self.sampled_at_ns is not None
             and then_ns - self.sampled_at_ns <= self.config.guard_timeout_s * 1e9
-            and self.safety.tension.live_n(then_ns) is not None  # not from before a new zero
+            # the reading is not older than a new zero
+            and self.safety.tension.live_n(then_ns) is not None
         )
 
     def are_peers_heard(self, ago_ns=0):
@@ -636,7 +639,7 @@ class Tendon(RuleBasedStateMachine):
         self.check_rest()
 
     def check_rest(self):
-        """Above the limit, and after a loss, the tendon is slackened."""
+        """Check that the tendon is slackened above the limit and after a loss."""
         safety = self.safety
         goal_m = registers.counts_to_m(self.servo.get(116), self.config.pulley_radius_m)
         if self.above_since_ns is not None and self.now_ns - self.above_since_ns > SETTLED_NS:
@@ -708,7 +711,7 @@ def test_a_pull_to_slack_goes_on_when_the_servo_reports_a_fault():
     try:
         tendon.disturb_the_bus('refused', 1)
         tendon.report_a_fault()
-        tendon.pull_to_slack()  # says when it fails
+        tendon.pull_to_slack()  # raises if it fails
     finally:
         tendon.teardown()
 

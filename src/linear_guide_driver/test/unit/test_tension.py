@@ -104,7 +104,8 @@ def test_two_publishers_are_a_loss_as_long_as_both_publish(safety, first):
         safety.admit(Pull(0.006), TAUT_M, 990 * MS)
     own.tension_n = other.tension_n = 0.0
     run(safety, [own], 1000 * MS, 8000 * MS, 0.0)
-    assert safety.tension.find_loss(8000 * MS) is None  # by itself, after a still reading
+    # the loss ends after a still reading, without a command
+    assert safety.tension.find_loss(8000 * MS) is None
 
 
 def test_publishers_are_named_even_if_one_is_silent(safety):
@@ -139,7 +140,7 @@ def restart_device(safety, sensor):
 
 def tare(safety, sensor):
     safety.tension.note_tare(1)
-    assert safety.tension.find_loss(0) is None  # the earlier latched value
+    assert safety.tension.find_loss(0) is None  # the latched value is the earlier one
     safety.tension.note_tare(2)
 
 
@@ -200,7 +201,7 @@ def test_without_a_known_zero_only_homing_confirms_a_tare(safety):
     safety.set_zero(Zero.UNKNOWN, 'the torque went off')
     run(safety, [sensor], 100 * MS, 3000 * MS, 0.0)
     assert 'tare' in str(safety.tension.find_loss(2990 * MS))
-    assert not safety.is_slack(0.0, 2990 * MS)  # the sensor does not show this either
+    assert not safety.is_slack(0.0, 2990 * MS)  # the sensor does not confirm a slack tendon either
     safety.admit(Pull(0.02, 'abduction', is_homing=True), 0.0, 2990 * MS)
     assert run(safety, [sensor], 3000 * MS, 3100 * MS, 0.001)[3090 * MS] is Order.FOLLOW
     safety.set_zero(Zero.KNOWN)
@@ -324,7 +325,8 @@ def test_the_age_of_a_block_is_that_of_its_newest_sample_and_a_clock_may_be_unus
 def test_stamps_that_are_wrong_for_a_moment_make_no_loss(safety):
     sensor = Sensor(safety)
     hold_taut(safety, sensor)
-    sensor.delay_ns = 3600 * 1000 * MS  # the clock was set, and the sensor's driver is late
+    # the clock was set, and the sensor driver has not noticed yet
+    sensor.delay_ns = 3600 * 1000 * MS
     assert set(run(safety, [sensor], 10 * MS, 200 * MS).values()) == {Order.FOLLOW}
     sensor.delay_ns = 0
     assert set(run(safety, [sensor], 200 * MS, 900 * MS).values()) == {Order.FOLLOW}

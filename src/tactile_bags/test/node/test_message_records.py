@@ -104,7 +104,7 @@ def test_a_record_survives_the_wire_bit_for_bit(read, sent, to_msg, from_msg, da
     record = data.draw(sent)
     message = to_msg(record)
     assert from_msg(read(message)) == record
-    for field in dataclasses.fields(record):  # of the same name, or of no plain type
+    for field in dataclasses.fields(record):  # fields of the same name, or with a special type
         if isinstance(value := getattr(record, field.name), (str, bool)):
             assert getattr(message, field.name, value) == value
 

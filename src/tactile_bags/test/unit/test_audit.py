@@ -106,8 +106,9 @@ def second_block(*, at_ns=START_NS + 5 * PERIOD_NS, sequence=5, **fields):
 @pytest.mark.parametrize(
     ('second', 'finding'),
     [
-        (second_block(lost_before=2), '2'),  # only known to the driver
-        (second_block(at_ns=START_NS + 10**9, sequence=0), 'restarts'),  # a restart: no duplicate
+        (second_block(lost_before=2), '2'),  # only the driver knows about this loss
+        # a restart is not a duplicate
+        (second_block(at_ns=START_NS + 10**9, sequence=0), 'restarts'),
         (second_block(status=StrainStatus.RECONNECTED), 'reconnections'),
     ],
 )
@@ -162,7 +163,7 @@ def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
     audits = auditor.add_event(event('contact', 1.0))
     for i, block in enumerate(blocks):
         audits += auditor.add_block(block)
-        if i == 1_480:  # its end is announced before its last samples arrive
+        if i == 1_480:  # the end of the trial is announced before its last samples arrive
             audits += auditor.add_event(event('done', 15.0))
     (audit,) = audits
     assert audit.sample_count == 1_400

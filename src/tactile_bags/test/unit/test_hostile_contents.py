@@ -253,7 +253,7 @@ def test_a_bag_that_is_cut_off_says_so_and_holds_what_came_before(closed_files, 
 
 def test_a_chunk_that_was_changed_is_not_read_as_one_that_is_cut(small_bag):
     (path,) = small_bag.glob('*.mcap')
-    changed = bytearray(chunked(CompressionType.NONE)[:-9])  # never closed
+    changed = bytearray(chunked(CompressionType.NONE)[:-9])  # the file was never closed
     at = changed.index(strain_bytes(0))
     changed[at:at] = bytes(6)  # the chunk still ends in a zero
     path.write_bytes(changed)

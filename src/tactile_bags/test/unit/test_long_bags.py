@@ -93,13 +93,14 @@ def test_wherever_it_is_cut_what_came_before_is_read(files, part, zeros):
     file.write_bytes((whole[:cut] + bytes(zeros))[: len(whole)])
     found = messages_of(file)
     assert found == expected(len(found))
-    least = (cut - 5000) // (SIZE + 60)  # records, heads and index around each message
+    # each message has records, headers and index entries around it
+    least = (cut - 5000) // (SIZE + 60)
     assert len(found) >= least - 1
 
 
 def test_a_recording_in_small_chunks_opens_in_little_memory(tmp_path):
     path, count = tmp_path / 'small.mcap', 2_000
-    message_store()  # its memory is not backed by a file
+    message_store()  # loaded first, because its memory is not part of the measurement
     with path.open('wb') as file:
         writer = Writer(file, chunk_size=1, compression=CompressionType.NONE)
         writer.start('ros2')
@@ -174,7 +175,7 @@ def test_a_chunk_that_is_cut_off_is_read_up_to_its_last_whole_message(
 ):
     whole, index_start, _ = two_channels
     path = tmp_path / 'cut.mcap'
-    size = 9 + 22 + 8  # of each of the six messages at the end of the last chunk
+    size = 9 + 22 + 8  # size of each of the six messages at the end of the last chunk
     for cut in range(index_start - 6 * size, index_start):
         path.write_bytes(whole[:cut] + bytes(zeros))
         left = 12 - -(-(index_start - cut) // size)

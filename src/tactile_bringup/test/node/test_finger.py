@@ -156,7 +156,8 @@ def test_nothing_is_built_until_somebody_subscribes_and_then_the_next_sample_com
 ):
     finger = make_finger(60)
     strain = finger.sensor.stage._strain
-    wait_until(lambda: not strain._publisher.get_subscription_count())  # of a test before
+    # subscribers of an earlier test are gone
+    wait_until(lambda: not strain._publisher.get_subscription_count())
     built, emitted = [], []
     to_message, emit = strain._to_message, finger.sensor.stage._emit
 

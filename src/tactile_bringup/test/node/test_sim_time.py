@@ -33,7 +33,7 @@ def test_samples_have_stamps_of_the_clock_topic(context, tmp_path):
 
     def on_strain(message):
         stamp_ns = Time.from_msg(message.header.stamp).nanoseconds
-        if stamp_ns > 10**9:  # no time was published before, so it is zero
+        if stamp_ns > 10**9:  # before the first message on /clock, the time is zero
             stamps.append(stamp_ns)
         if len(stamps) >= 30:
             stamped.set()

@@ -56,7 +56,8 @@ def test_no_lost_answer_ends_a_trial(bench, monkeypatch):
     monkeypatch.setattr(GoalIdClient, 'take_data', take_data_in_part)
     goal = bench.start('stiffness', hold_s=0.1)
     assert 'done' in bench.end(goal).message
-    assert len(lost) == 6  # two answers to the runner's client of each device, and to ours
+    # two answers to each of three clients: the runner's for guide and tendon, and the test's
+    assert len(lost) == 6
     assert [len(device.goals) for device in (bench.guide, bench.tendon)] == [1, 2]
 
 
@@ -71,12 +72,13 @@ def test_a_driver_that_falls_silent_ends_the_trial_with_its_reason(bench, protoc
     goal = bench.touch(protocol)
     device = getattr(bench, dead)
     device.say_ready('It does not answer; check its cable.')
-    device.beats = False  # as when it is killed: its action server seems to be there for long
+    device.beats = False  # as if it was killed; its action server remains visible for some time
     bench.wait_for_phase('aborted')
     message = bench.end(goal).message
     assert f'{device.get_name()}/heartbeat' in message
     assert message.endswith('It does not answer; check its cable.')
-    bench.wait_until_released()  # by a tendon driver without heartbeat, too, if it still hears
+    # a tendon driver without heartbeat also slackens if it still receives
+    bench.wait_until_released()
 
 
 @contextmanager
@@ -125,7 +127,7 @@ def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
 
     def hang():
         looks.append(True)
-        if len(looks) > 1:  # with the first one the trial's thread has begun to watch
+        if len(looks) > 1:  # at the first look, the thread of the trial has begun to watch
             end.wait()
         return find_loss()
 
@@ -142,7 +144,7 @@ def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
 
 
 def test_a_trial_waits_for_a_tendon_that_is_still_being_slackened_after_the_last_one(bench):
-    bench.tendon.slowness = {2: 3.0}  # it is slackened in 0.5 s
+    bench.tendon.slowness = {2: 3.0}  # the tendon is slackened in 0.5 s
     goal = bench.touch('stiffness')
     bench.tendon.beats = False
     assert 'tendon_actuator/heartbeat' in bench.end(goal).message
@@ -229,7 +231,7 @@ def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, ph
 
 def test_a_hold_whose_tendon_is_reported_no_more_does_not_succeed(bench):
     goal = bench.touch('stiffness')
-    bench.tendon.publish = lambda now: None  # and its heartbeat goes on
+    bench.tendon.publish = lambda now: None  # the heartbeat continues
     assert 'tendon_actuator/joint_states' in bench.end(goal).message
     bench.wait_for_phase('aborted')
 
@@ -259,9 +261,9 @@ def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench):
 
 def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
     goal = bench.touch('stiffness')
-    bench.tendon.position_m = 0.0045  # within its tolerance
+    bench.tendon.position_m = 0.0045  # within the tolerance of the driver
     track = bench.runner._tendon._track
-    track._is_over = False  # as when the servo ends its pull there
+    track._is_over = False  # as if the servo ended its pull there
     assert_is_tracked_no_more(bench, bench.runner._tendon)
     goal.cancel()
     bench.end(goal)
@@ -311,7 +313,7 @@ def test_shutdown_in_a_glide_stops_the_devices_and_releases_the_tendon(bench):
     wait_until(lambda: len(bench.guide.goals) == 2)
     done = threading.Event()
 
-    def shut_down():  # as the lifecycle service does: on the node's executor
+    def shut_down():  # runs on the node's executor, like the lifecycle service
         bench.runner.trigger_shutdown()
         done.set()
 
@@ -332,7 +334,7 @@ def test_a_second_life_of_the_trial_runner_works_like_the_first(bench):
         for transition in ('cleanup', 'configure', 'activate'):
             result = getattr(bench.runner, f'trigger_{transition}')()
             assert result == TransitionCallbackReturn.SUCCESS
-            if transition == 'cleanup':  # or the next wait finds the server that is gone
+            if transition == 'cleanup':  # otherwise the next wait would find the old server
                 wait_until(lambda: not bench.action.server_is_ready())
         assert len(bench.runner.goal_runners) == 1
         assert len(bench.runner._managed_entities) == 1

@@ -115,7 +115,7 @@ def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench):
     # The log is not read from the standard error, because pytest may lose a line of it.
     logger = SimpleNamespace(info=said.append, warning=said.append, set_level=lambda _: None)
     runner.get_logger = lambda: logger
-    runner._readiness_log.cancel()  # it was ready from its start
+    runner._readiness_log.cancel()  # the runner was ready from its start
     bench.guide.say_ready('The guide has not been homed; home the guide.')
     wait_until(lambda: 'home the guide' in ' '.join(runner._ready.missing or ()))
     runner._began_s = -math.inf
@@ -128,7 +128,7 @@ def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench):
     assert 'home the guide' in missing
     assert 'ros2 action send_goal /linear_guide/home' in missing
     assert ready == 'ready for trials'
-    bench.touch('stiffness')  # a trial that runs is nothing that is missing
+    bench.touch('stiffness')  # a running trial is not logged as a missing condition
     wait_until(lambda: runner._ready.missing)
     runner._began_s = -math.inf
     runner._log_readiness()

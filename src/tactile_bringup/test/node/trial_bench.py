@@ -31,7 +31,7 @@ START_S = 60.0
 """Longest time [s] until a process has started on a busy computer."""
 PERIOD_S = 0.01
 SERVER_TIMEOUT_S = 1.0
-SILENCE_S = 0.8  # a busy computer may keep a node from its core for as long as the default
+SILENCE_S = 0.8  # longer than the default, because a busy computer may delay a node that long
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Motion:
     target_m: float
     speed_m_s: float
     began_ns: int
-    pause_s: float  # half way
+    pause_s: float  # pause half way [s]
 
     def at(self, now_ns):
         """Return the position [m], and the speed [m/s]: 0 at the target and not before."""
@@ -208,7 +208,7 @@ class Bench:
         for group in self.groups.values():
             group.__enter__()
         assert self.action.wait_for_server(START_S)
-        if is_apart:  # it has found the devices, and is heard
+        if is_apart:  # the runner has discovered the devices, and its heartbeat arrives
             wait_until(lambda: self.readiness and self.readiness[-1].ready, timeout_s=START_S)
 
     @property

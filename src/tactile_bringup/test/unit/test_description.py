@@ -37,7 +37,7 @@ def test_the_example_puts_a_sensor_of_each_finger_on_the_palm(expand):
         assert joint.get('type') == 'fixed'
         assert joint.find('parent').get('link') == 'palm'
         assert joint.find('child').get('link') in joint.get('name')
-        # Turned by half a turn: +x away from the fingertips.
+        # The frame is rotated by half a turn, so that +x points away from the fingertips.
         assert float(joint.find('origin').get('rpy').split()[2]) == pytest.approx(3.14159265)
 
 

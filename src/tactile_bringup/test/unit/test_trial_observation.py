@@ -144,7 +144,7 @@ def test_a_guide_that_moves_while_it_should_rest_is_seen_and_late_reports_are_no
     rest.take(0, 0.01, 0.0)
     assert rest.find_motion() is None
     rest.begin(0.06)
-    for position_m in (0.055, 0.0599, 0.0601):  # on its way, and at rest
+    for position_m in (0.055, 0.0599, 0.0601):  # moving, and at rest
         rest.take(0, position_m, 0.04)
         assert rest.find_motion() is None
     rest.take(0, 0.0605, 0.0)

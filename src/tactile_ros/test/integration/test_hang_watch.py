@@ -85,7 +85,8 @@ def start():
     for parent in parents:
         parent.process.kill()
         parent.process.communicate()
-    wait_until(lambda: not any(parent.has_child for parent in parents))  # they end with theirs
+    # the children end with their parents
+    wait_until(lambda: not any(parent.has_child for parent in parents))
 
 
 def test_a_frozen_process_is_killed_and_one_that_turns_is_not(start):
@@ -110,12 +111,13 @@ def test_a_process_whose_worker_hangs_is_killed_though_all_its_processes_got_a_s
 
 
 def test_a_process_that_need_not_turn_is_left_alone_also_without_the_child(start):
-    # The first has not begun to turn: its device is still being set up.
+    # The worker of the first process has not called feed yet, as while its device is being set
+    # up.
     parents = [start(), start('0', '60'), start('0', 'inf'), start('0', 'close')]
     alone = start('0')
     subprocess.run(['kill', '-9', str(alone.child)], check=True)
     wait_until(lambda: not alone.has_child)
-    assert 'did turn' in alone.tell('turn')  # three times as long as the time-out
+    assert 'did turn' in alone.tell('turn')  # the worker runs for three times the time-out
     assert [parent.process.poll() for parent in parents] == [None] * 4
     assert [parent.has_child for parent in parents] == [True, True, True, False]
     assert 'did close' in alone.tell('close')

@@ -129,7 +129,7 @@ def test_a_cancellation_reaches_a_goal_whose_answers_were_lost(rig, losses):
     _, client = rig(until_ended)
     losses.update(goal=1, cancel=2, result=1)
     goal = client.send(MoveGuide.Goal())
-    goal.cancel()  # perhaps before it is sent
+    goal.cancel()  # the cancellation may come before the goal is sent
     assert end_of(goal) == (GoalStatus.STATUS_CANCELED, 'cancelled')
 
 

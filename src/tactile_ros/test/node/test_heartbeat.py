@@ -106,7 +106,7 @@ def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, conte
     heart = Heartbeat(node, is_well)
     spun(listener, other)
     with beating(heart):
-        wait_until(lambda: len(beats) >= 3)  # a listener needs no lease
+        wait_until(lambda: len(beats) >= 3)  # a plain listener needs no lease
         well[0] = False
         wait_until(lambda: heart._due_s and len(asked) > 5)
         heard_at = len(asked) + 20
@@ -127,7 +127,7 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
     assert not watch.was_heard
     peer = start_peer()
     wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
-    late = HeartbeatWatch(node, 'peer/heartbeat')  # hears a peer that lives already
+    late = HeartbeatWatch(node, 'peer/heartbeat')  # this watch joins while the peer is alive
     wait_until(lambda: not late.find_loss())
     peer.send_signal(fault)
     for each in (watch, late):

@@ -110,7 +110,8 @@ def test_an_integer_is_taken_where_a_float_is_wanted(make_node):
     assert all(r.successful for r in node.set_parameters([Parameter('rate_hz', value=30)]))
     assert is_float(node, 30.0)
     assert node.bring_up()
-    both = [Parameter('rate_hz', value=30), Parameter('gain', value=3)]  # one is as it was
+    # one of the values is unchanged
+    both = [Parameter('rate_hz', value=30), Parameter('gain', value=3)]
     assert node.set_parameters_atomically(both).successful
     assert node.get_parameter('gain').value == 3.0
 
@@ -168,7 +169,7 @@ def test_parameters_do_not_change_from_configure_to_cleanup_but_for_live_ones(ma
         refusal = set_to('count', 5)
         assert 'count is read when the node is configured' in refusal
         assert 'deactivate and clean up the node first' in refusal
-        assert set_to('count', 4) == 'set'  # no change
+        assert set_to('count', 4) == 'set'  # the value is unchanged
         assert set_to('gain', float(node.calls.count('start') + 2)) == 'set'
     node.trigger_cleanup()
     assert set_to('count', 5) == 'set'
@@ -183,7 +184,8 @@ def test_parameters_can_be_mended_after_a_configuration_that_failed(make_node):
     assert not node.bring_up()
     assert node.set_parameters([Parameter('path', value='here')])[0].successful
     assert node.bring_up()
-    assert not node.set_parameters([Parameter('autostart', value=True)])[0].successful  # read once
+    # the parameter is read only once
+    assert not node.set_parameters([Parameter('autostart', value=True)])[0].successful
 
 
 def test_bring_up_and_take_down_in_order(make_node):

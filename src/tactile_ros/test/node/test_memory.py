@@ -42,4 +42,4 @@ def test_a_lifecycle_node_takes_little_memory():
         timeout=60,
         check=True,
     )
-    assert float(done.stdout) < 1200  # KiB; 1760 with the queues that Fast DDS makes
+    assert float(done.stdout) < 1200  # KiB; 1760 KiB with the default queues of Fast DDS

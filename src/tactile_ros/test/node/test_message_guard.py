@@ -52,7 +52,7 @@ def graph(context, spun, monkeypatch):
 
 def test_a_message_is_refused_or_unusable_and_only_a_fault_of_the_program_ends_the_node(graph):
     listener, _, publisher, group = graph
-    for data in (b'\x00', b'\x00\x01\x00\x00\x07'):  # no messages
+    for data in (b'\x00', b'\x00\x01\x00\x00\x07'):  # bytes that are not valid messages
         publisher.publish(data)
     for number in (1, -2, 3, -4, 5):
         publisher.publish(Int32(data=number))
@@ -114,7 +114,7 @@ def test_a_node_survives_messages_that_cannot_be_published(graph, capfd):
     guarded = listener.message_guard.wrap_publish('strain', publish)
     for number in range(3):
         guarded(number)
-    assert sent == [1, 2]  # the first failed twice, the second once
+    assert sent == [1, 2]  # the first message failed twice, the second once
     assert listener.message_guard.unpublished.count == 1
     assert listener.message_guard.warning.startswith('could not publish a message on strain')
     assert listener.message_guard.values['unpublished_messages'] == 1

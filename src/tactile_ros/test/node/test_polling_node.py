@@ -258,7 +258,8 @@ def test_one_stage_after_the_other_by_calls_and_by_topics(context, spun, by_call
     )
     wait_until(lambda: first.stage.numbers._publisher.get_subscription_count() == 2 - by_calls)
     take(3)
-    wait_until(lambda: heard == [6] and results == [4, 8, 12])  # the first one after it came
+    # the first message after the change has arrived
+    wait_until(lambda: heard == [6] and results == [4, 8, 12])
     peer.destroy_subscription(outside)
     stage = first.stage
     first.trigger_deactivate()

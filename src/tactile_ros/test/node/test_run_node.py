@@ -135,7 +135,7 @@ def test_a_second_signal_does_not_change_the_exit_code():
     process = start()
     assert process.stdout.readline().strip() == 'started'
 
-    def send():  # also while the interpreter ends
+    def send():  # signals are also sent while the interpreter ends
         process.send_signal(signal.SIGINT)
         time.sleep(0.001)
 
@@ -152,4 +152,4 @@ def test_a_process_that_hangs_after_its_node_is_ended_with_one():
     output, errors = process.communicate(timeout=END_S)
     assert process.returncode == 1
     assert output.strip() == 'torn down'
-    assert 'Timeout' in errors  # and a traceback of where it hangs
+    assert 'Timeout' in errors  # the output contains a traceback of the hanging thread

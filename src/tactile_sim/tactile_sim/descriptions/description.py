@@ -262,7 +262,7 @@ class VariationLevels:
 
 @dataclass(frozen=True)
 class Rig:
-    """Everything around the finger."""
+    """The rig around the finger: guide, tendon drive, load cell, positions and variation."""
 
     guide: Guide
     tendon: TendonDrive

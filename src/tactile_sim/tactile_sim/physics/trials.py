@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulation of trials through time: many in parallel, or one along with its devices."""
+"""Simulation of trials: many in parallel, or one step by step together with its devices."""
 
 from __future__ import annotations
 

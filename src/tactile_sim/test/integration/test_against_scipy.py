@@ -82,7 +82,8 @@ class Reference:
         relaxed = y[9 : 9 + len(self.branch_n_m)]
         velocity = y[9 + len(self.branch_n_m) :]
         swinging = velocity[:0]
-        # Row 0 of each has the value, the imaginary parts the slopes by the modes.
+        # Row 0 of each result contains the value; the imaginary parts contain the
+        # derivatives by the modes.
         angle = (q + STEPS) @ SHAPES
         drop = c.length * np.sin(angle) @ WEIGHT
         reach = c.length * np.cos(angle) @ WEIGHT

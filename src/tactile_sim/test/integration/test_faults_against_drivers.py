@@ -219,7 +219,7 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, 
     start_m = wait_until(lambda: tendon.state, 'no state').displacement_m
     motion = begin(tendon.pull_to, (0.008, 0.002))
 
-    def is_winding():  # reported by the driver, which polls after the reply to its goal
+    def is_winding():  # the driver reports this, and polls after the reply to its goal
         assert not motion.ready(), motion.get(0)
         return tendon.state.displacement_m > start_m + 5e-4
 
@@ -238,7 +238,7 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, 
     ('kind', 'options'), [('drop', {'count': 1}), ('noise', {}), ('garbage', {'share': 0.1})]
 )
 def test_a_disturbed_bus_does_not_end_a_pull(rig, tendon, monkeypatch, kind, options):
-    let_servos_pause(monkeypatch)  # several answers may be spoilt one after another
+    let_servos_pause(monkeypatch)  # several consecutive answers may be damaged
     rig.fault('tendon', kind, **options)
     tendon.pull_to(0.002, 0.004)
     assert rig.truth()['tendon_displacement_m'] == pytest.approx(0.002, abs=1e-3)

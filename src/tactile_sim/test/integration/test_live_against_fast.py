@@ -138,5 +138,5 @@ def test_the_noise_of_a_trial_does_not_depend_on_when_it_begins():
         rows = [line.split(b',') for line in driver.lines.split(b'\r\n')[:-1]]
         heard_n.append(9.80665 * np.array([float(row[1]) for row in rows[:360]]))
     difference = np.diff(heard_n, axis=0)[0, 60:]
-    noise = heard_n[0][60:120] - heard_n[0][240:300]  # of two pulls
+    noise = heard_n[0][60:120] - heard_n[0][240:300]  # noise of two pulls
     assert difference.std() < 0.1 * noise.std()

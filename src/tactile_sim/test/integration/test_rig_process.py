@@ -79,7 +79,7 @@ def test_unplug_takes_the_port_away_and_brings_it_back_under_its_name(rig):
             serial.Serial(name)
         rig.fault('sensor', 'none')
         wait_until(lambda: os.path.exists(name), 'the port did not come back')
-        assert os.path.realpath(name) != before  # our end of the old one is open yet
+        assert os.path.realpath(name) != before  # the test still has the old port open
     with serial.Serial(name, 115200, timeout=DEADLINE_S) as again:
         # The sensor was powered through the cable, so its time restarts at 0.
         assert b'Readings:\r\n0,' in again.read_until(b'\r\n16,')
@@ -87,7 +87,7 @@ def test_unplug_takes_the_port_away_and_brings_it_back_under_its_name(rig):
 
 def test_unplug_ends_by_itself_and_the_guide_has_kept_its_power(rig):
     before = os.path.realpath(rig.ports.guide)
-    with serial.Serial(rig.ports.guide):  # so that its number is not given away
+    with serial.Serial(rig.ports.guide):  # the port stays open, so that its number is not reused
         rig.fault('guide', 'unplug', 0.2)
         advance_rig(rig, 0.3)
         wait_until(lambda: os.path.exists(rig.ports.guide), 'the port did not come back')

@@ -64,7 +64,7 @@ def test_ping_matches_the_published_packets():
 
 
 bodies = st.binary(max_size=20).map(lambda b: b.replace(b'\x00', b'\xff\xff\xfd'))
-# Garbage that cannot be taken for the beginning of a packet.
+# Garbage that cannot look like the beginning of a packet.
 garbage = st.binary(max_size=12).map(lambda b: b.replace(b'\xff', b'\x01'))
 
 
@@ -117,7 +117,7 @@ def test_control_table_guards_itself():
     assert bench.send(0x02, b'\x84\x00\xff\x00')[0] == RANGE
     bench.write(known.PROFILE_VELOCITY, 7)
     bench.write(known.GOAL_CURRENT, 7)
-    assert bench.write(known.OPERATING_MODE, 5) == 0  # which resets the profile
+    assert bench.write(known.OPERATING_MODE, 5) == 0  # this also resets the profile
     assert (bench.read(known.PROFILE_VELOCITY), bench.read(known.GOAL_CURRENT)) == (0, 50)
     bench.arm(current=50)
     assert bench.write(known.OPERATING_MODE, 4) == ACCESS  # torque is on
@@ -136,7 +136,7 @@ def test_a_run_of_registers_is_written_as_a_whole_or_not_at_all():
     assert write(20, 3000) == 0
     assert (bench.read(known.PROFILE_VELOCITY), bench.read(known.GOAL_POSITION)) == (20, 3000)
     assert write(30, 2_000_000) == RANGE
-    assert write(30, 2500, b'\x00') == ACCESS  # what follows the goal cannot be written
+    assert write(30, 2500, b'\x00') == ACCESS  # the registers after the goal cannot be written
     assert (bench.read(known.PROFILE_VELOCITY), bench.read(known.GOAL_POSITION)) == (20, 3000)
 
 
@@ -194,7 +194,7 @@ def test_watchdog_stops_the_motor_and_locks_the_goals():
     bench.write(known.PROFILE_VELOCITY, 20)
     bench.write(known.BUS_WATCHDOG, 10)
     bench.write(known.GOAL_POSITION, 4048)
-    for _ in range(5):  # being read feeds it
+    for _ in range(5):  # reads feed the watchdog
         bench.wait(0.15)
         assert bench.read(known.BUS_WATCHDOG) == 10
     bench.wait(0.4)
@@ -222,7 +222,7 @@ def test_a_hardware_error_ends_torque_until_a_reboot_when_its_cause_is_gone():
         assert bench.send(PING) is None  # silent while it boots
         bench.wait(0.35)
     bench.device.cool()
-    assert bench.read(known.HARDWARE_ERROR) == 0x04  # it stays until a reboot
+    assert bench.read(known.HARDWARE_ERROR) == 0x04  # the error remains until a reboot
     assert bench.write(known.TORQUE_ENABLE, 1) == 0x81
     bench.send(REBOOT)
     bench.wait(0.35)

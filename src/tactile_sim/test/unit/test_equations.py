@@ -134,7 +134,8 @@ class Reference:
         if case['material'] is None:
             force = push if push.real > 0 else 0.0
         else:
-            # The object's compression p from force = push - tip u, u = p + p^2 / (2 s).
+            # The compression p of the object follows from force = push - tip u with u
+            # = p + p^2 / (2 s).
             k, s = case['material'], CONSTANTS.inverse_softening
             a, b, const = case['tip'] * s / 2, case['tip'] + k, -(push + case['rest'])
             p = (-b + np.sqrt(b * b - 4 * a * const)) / (2 * a)

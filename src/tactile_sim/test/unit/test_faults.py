@@ -106,11 +106,13 @@ def test_another_speed_gives_a_bounded_number_of_bytes(data, ratio):
 
 def test_another_speed_by_hand():
     # 0x0f on the line: start 0, four ones, four zeros, stop 1.
-    # A receiver of half the speed samples the line's bits 3, 5, 7, 9 and then the idle line.
+    # A receiver of half the speed samples bits 3, 5, 7 and 9 of the line, and then the idle
+    # line.
     assert resample_uart(b'\x0f', 2.0) == bytes([0b11111001])
-    # One of twice the speed is done with its byte in bit 4, and starts again at bit 5.
+    # A receiver of twice the speed completes its byte in bit 4, and starts again at bit 5.
     assert resample_uart(b'\x0f', 0.5) == bytes([0b11111110, 0b10000000])
-    # One of eight times the speed sees the start bit as a whole byte without a stop bit.
+    # A receiver of eight times the speed reads the start bit as a whole byte without a stop
+    # bit.
     assert resample_uart(b'\xff', 0.1) == b'\0'
 
 

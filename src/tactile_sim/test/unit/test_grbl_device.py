@@ -154,7 +154,7 @@ def test_an_unlocked_carriage_that_runs_into_the_end_of_the_rail_loses_steps():
     bench = Bench(homed=False)
     bench.send('')
     assert bench.send('$X\n') == '[MSG:Caution: Unlocked]\r\nok\r\n'
-    bench.send('G0X-150\n', after_s=10.0)  # only 100 mm of rail are there
+    bench.send('G0X-150\n', after_s=10.0)  # the rail ends after 100 mm
     assert bench.device.position_m(bench.now_s) == 0.0
     bench.send('G0X-140\n', after_s=10.0)
     assert bench.device.position_m(bench.now_s) == pytest.approx(0.010)
@@ -193,11 +193,12 @@ def test_power_loss_forgets_all_but_settings(doing):
     bench.send(doing, after_s=0.2)
     bench.device.restart(bench.now_s)
     here_m = bench.device.position_m(bench.now_s)
-    assert bench.send('G1X0F900\n?\x18', after_s=0.999) == ''  # it boots, and hears nothing
+    # the controller boots, and receives nothing
+    assert bench.send('G1X0F900\n?\x18', after_s=0.999) == ''
     said = bench.send('', after_s=0.001)
     assert said == UNLOCK
     bench.now_s += 20.0
-    assert bench.send('?').startswith('<Alarm|MPos:0.000,')  # and no late ok
+    assert bench.send('?').startswith('<Alarm|MPos:0.000,')  # no late ok is sent
     assert bench.device.position_m(bench.now_s) == here_m
     assert '$110=3000.000' in bench.send('$$\n')
     assert bench.send('$H\n', after_s=20.0) == 'ok\r\n'
@@ -211,7 +212,7 @@ def test_the_limit_switch_stops_it_dead_until_a_reset(doing):
     bench.device.trip_limit(bench.now_s)
     here_m = bench.device.position_m(bench.now_s)
     assert bench.send('', after_s=0.4).endswith('ALARM:1\r\n')
-    assert bench.send('\x18', after_s=0.099) == ''  # swallowed
+    assert bench.send('\x18', after_s=0.099) == ''  # the reset is ignored
     assert bench.send('?$X\n~!\x85', after_s=0.001) == '[MSG:Reset to continue]\r\n'
     assert bench.send('?$X\n', after_s=20.0) == ''
     assert bench.device.position_m(bench.now_s) == here_m

@@ -83,7 +83,8 @@ def groove_narrower_than_the_tip():
     flat = _tension(plate_scene('F'), _glide, 0.7, STEP_S)[1]
     grooved = _tension(_plate(pitch_mm=2.0, width_mm=0.1, depth_mm=5.0), _glide, 0.7, STEP_S)[1]
     value = np.abs(flat - grooved).max()
-    # It feels slopes of 0.05 / 5 at most: as much as 0.01 of friction, of 0.4, would change.
+    # The slope of the path is at most 0.05 / 5, which has the effect of a change of friction
+    # by 0.01.
     return value, 0.02
 
 
@@ -92,7 +93,7 @@ def slack_tendon(displacement_m):
     rows = run(free_scene(), STEP_S, tendon_m).rows[:, 0]
     moved = np.ptp(rows[at.MODES]) + rows[at.TENSION].max() * 1e3
     if displacement_m == 0.0:
-        # It hangs lower than straight: just slack means that it bears nothing.
+        # The finger sags, so a tendon that is just slack carries no load.
         assert rows[at.MODES, 0] > 0.01
     return moved, 1e-6
 
@@ -107,7 +108,7 @@ def long_steps(factor):
     fine = run(scene, STEP_S, *_glide(fine_s)).rows[at.TENSION][0]
     tension = result.rows[at.TENSION][0]
     if result.failed[0] >= 0:
-        return 0.0, 0.0  # it says so
+        return 0.0, 0.0  # the failure is reported
     value = np.abs(tension - np.interp(times_s, fine_s, fine)).max() / fine.max()
     return value, 0.2
 
@@ -216,7 +217,7 @@ def any_of(kind, **fixed):
 
 
 def make_finger(values, share):
-    # The stop lies beyond the contact, as every description must have it.
+    # The stop must lie beyond the contact in every valid description.
     return Finger(**{**values, 'contact_bend_deg': share * values['bend_stop_deg']})
 
 
@@ -239,7 +240,7 @@ def check(scene):
     assert np.isfinite(known).all()
     assert (known[at.TENSION] >= 0.0).all()
     assert (known[at.FORCE] >= 0.0).all()
-    # The tendon stretches by the pull beyond the bend.
+    # The tendon is stretched by the part of the pull that exceeds the bend.
     stretch = TENDON_M[: known.shape[1]] - scene.finger.moment_arm_m * known[at.MODES]
     expected = scene.finger.tendon_stiffness_n_m * np.maximum(stretch, 0.0)
     rounding = 1e-15 * scene.finger.tendon_stiffness_n_m

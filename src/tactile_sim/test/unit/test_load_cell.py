@@ -31,7 +31,7 @@ def make_generators(count, seed=0):
 
 def compute_exactly(step_s, low_pass_hz):
     with localcontext() as context:
-        context.prec = 400  # the quotients cancel down to steps of 1e-300 s
+        context.prec = 400  # the quotients suffer from cancellation for steps down to 1e-300 s
         a = 2 * PI * Decimal(low_pass_hz) * Decimal(step_s)
         alpha = (-a).exp()
         mean = (1 - alpha) / a
@@ -129,7 +129,8 @@ def read_newtons(lines):
 def test_lines_carry_time_and_filtered_tension_between_steps(step_s):
     seconds = 20 * step_s if step_s > 1e-2 else 1.0
     lines = record(FINE, lambda t: 2.0 * t, seconds, step_s=step_s)
-    assert len(lines) in (60, 61)  # the sixty-first comes 30 microseconds after the second
+    # the sixty-first line is due 30 microseconds after the end of the second
+    assert len(lines) in (60, 61)
     assert [int(line[0]) for line in lines[:4]] == [0, 16, 33, 50]
     true_s = np.arange(len(lines)) / 60 * (1 + 30e-6)
     lag_s = 1 / (2 * np.pi * FINE.low_pass_hz)

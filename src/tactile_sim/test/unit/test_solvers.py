@@ -194,7 +194,7 @@ def compute_error(scene, euler, steps):
         return result.rows[ROWS, 0, :: count // 50]
 
     fine = sample(6400, euler=False)
-    assert (fine[1] > 0).all()  # it is touched all the time
+    assert (fine[1] > 0).all()  # the object is touched all the time
     error = np.abs(sample(steps, euler) - fine).max(axis=1)
     return error / np.maximum(np.ptp(fine, axis=1), 1e-12)
 

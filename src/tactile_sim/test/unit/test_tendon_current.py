@@ -16,7 +16,8 @@ from tactile_sim.devices.dynamixel import VELOCITY_COUNTS_S
 from tactile_sim.rig import PalpationRig
 
 CATALOGUE = default_catalogue()
-CONFIG = TendonActuatorConfig(flexion_limit_n=19.0, saturation_n=19.6)  # faster than any trial
+# limits for pulls that are faster than in any trial
+CONFIG = TendonActuatorConfig(flexion_limit_n=19.0, saturation_n=19.6)
 M_PER_COUNT = math.tau * CONFIG.pulley_radius_m / known.COUNTS_PER_TURN
 DISPLACEMENT_M = {'flexion': 0.0049, 'abduction': 0.0074}
 POLL_NS = 16_666_667
@@ -44,7 +45,7 @@ class Bench:
         self.write(known.TORQUE_ENABLE, 1)
         self.safety = TendonSafety(CONFIG)
         self.safety.set_zero(Zero.UNCONFIRMED)
-        self.most_n = -math.inf  # by which the current showed more than the sensor for 0.1 s
+        self.most_n = -math.inf  # largest difference of current and sensor that lasted 0.1 s [N]
         self.excesses = []
         for _ in range(30):
             self.cycle()

@@ -86,7 +86,7 @@ def test_trials_of_a_mounting_share_it_however_they_are_cut():
     mountings = [set(part) for part in np.split(whole.placement_m, [4, 8])]
     assert [len(part) for part in mountings] == [1, 1, 1]
     assert len(set.union(*mountings)) == 3
-    assert len(set(whole.finger_stiffness)) == 1  # the finger stays
+    assert len(set(whole.finger_stiffness)) == 1  # the finger does not vary
     cut = [draw(n, first, per_mounting=4, catalogue=MOUNTINGS)[0] for first, n in ((0, 3), (3, 6))]
     assert np.array_equal(np.concatenate([rows(part) for part in cut], axis=1), rows(whole))
     once = draw(9, per_mounting=9, catalogue=MOUNTINGS)[0]
@@ -97,7 +97,8 @@ def test_trials_of_a_mounting_share_it_however_they_are_cut():
 
 def test_a_session_shares_its_set_up_whatever_lies_under_the_finger():
     def draw_shared(**names):
-        values = rows(draw(2, catalogue=SESSIONS, **names)[0])[:-1]  # without the phase
+        # all rows except the phase of the sampling
+        values = rows(draw(2, catalogue=SESSIONS, **names)[0])[:-1]
         assert np.array_equal(values[:, 0], values[:, 1])
         return values[:, 0]
 
@@ -117,7 +118,7 @@ def test_spread_within_a_session_is_its_levels(level, per_mounting):
     assert 0.0 <= variation.phase.min() < variation.phase.max() < 1.0
     assert variation.phase.std() == pytest.approx(np.sqrt(1 / 12), rel=0.09)
     for name, size in dataclasses.asdict(levels[level]).items():
-        if name == 'temperature_k':  # the packaged one keeps still within a session
+        if name == 'temperature_k':  # the packaged temperature is constant within a session
             assert np.ptp(variation.sensor_bias_n) == 0.0
             continue
         values = getattr(variation, name)
@@ -141,7 +142,7 @@ def test_spread_of_sessions_is_the_sessions():
         middle = 1.0 if name in FACTORS else 0.0
         assert values.mean() == pytest.approx(middle, abs=4 * size / np.sqrt(1000)), name
         assert values.std() == pytest.approx(size, rel=0.09), name
-        if name != 'finger_stiffness':  # a product of two
+        if name != 'finger_stiffness':  # the stiffness is a product of two deviations
             assert np.abs(values - middle).max() <= 3 * size * (1 + 1e-12)
 
 

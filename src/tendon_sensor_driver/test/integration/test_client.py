@@ -62,7 +62,8 @@ def test_readings_come_out_as_blocks(sensor, make_client, blocks):
     health = client.health()
     assert health.is_connected
     assert (health.lines, health.readings, health.rejected_lines) == (10, 10, 0)
-    assert 1 <= health.bursts <= 3  # of three lines or more: a read may end between any two
+    # bursts of three lines or more; a read may end between any two lines
+    assert 1 <= health.bursts <= 3
     for ticks in (1150, 1133, 1167):
         sensor.write_reading(ticks, 0.9)
     wait_until(lambda: len(blocks) == 11)
@@ -113,7 +114,8 @@ def test_close_lets_go_of_the_port_and_hands_out_what_arrived(sensor, make_clien
     assert blocks == []
     client.close()
     client.close()
-    assert client.health().last_error is None  # its thread did not wait for the silence
+    # the thread of the client did not wait for the end of the silence
+    assert client.health().last_error is None
     assert [len(block.tension_n) for block in blocks] == [2]
     assert not client.health().is_connected
     make_client()
@@ -174,7 +176,7 @@ def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, b
     wait_until(lambda: not client.health().is_connected)
     lost = client.health().last_error
     assert sensor.port in lost
-    wait_until(lambda: client.health().last_error != lost)  # it cannot be opened either
+    wait_until(lambda: client.health().last_error != lost)  # the port cannot be opened either
 
     sensor.plug_in()
     wait_until(lambda: client.health().reconnects == 1)
@@ -196,7 +198,7 @@ def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, monk
     wait_until(lambda: not client.health().is_connected)
     client.close()
     said = client.health().last_error or ''
-    assert 'does not return' not in said  # said when its thread does not end
+    assert 'does not return' not in said  # this is logged if the thread does not end
 
 
 @pytest.fixture
@@ -267,7 +269,7 @@ def test_a_board_that_has_spoken_or_is_to_be_left_alone_hears_nothing(
     if leave_menu:
         sensor.write(b'\n' + encode_reading(0, 0.5))
         wait_until(lambda: blocks)
-        sensor.read()  # while it had said nothing it may have been asked
+        sensor.read()  # before its first line, the board may have been queried
     wait_for_silences(client)
     assert sensor.read() == b''
 

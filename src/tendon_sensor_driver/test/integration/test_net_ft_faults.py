@@ -117,7 +117,7 @@ def test_all_samples_arrive_in_order_with_the_true_period(rig, way):
     check_samples(rig, divisor(way))
     assert rig.health.lost_samples == 0
     assert rig.recorder.status() == StrainStatus.OK
-    assert rig.health.rate_hz == INTERNAL_HZ / divisor(way)  # of 60 Hz 60.345
+    assert rig.health.rate_hz == INTERNAL_HZ / divisor(way)  # 60 Hz is rounded to 60.345 Hz
     assert rig.recorder.take()[-1].period_ns == round(divisor(way) * 1e9 / INTERNAL_HZ)
     assert rig.client.identity == 'FT00000'
     settings = rig.device.read_settings()
@@ -132,7 +132,7 @@ def test_what_the_network_and_the_box_do_is_counted_and_invents_nothing(rig, way
     assert rig.health.lost_samples == 0  # a burst loses nothing
     counts = {
         'duplicate': lambda: rig.health.duplicates,
-        'reorder': lambda: rig.recorder.samples() // 8,  # of which some are overtaken
+        'reorder': lambda: rig.recorder.samples() // 8,  # some of the samples are overtaken
         'garbage': lambda: rig.health.rejected_lines,
         'drop': lambda: rig.health.lost_samples,
     }
@@ -162,11 +162,11 @@ def test_what_the_box_reports_is_in_the_status_and_in_words(rig, way):
         wait_until(lambda: bit in rig.recorder.status(since))  # noqa: B023 - called at once
         assert rig.health.device_status == words
         assert bit in rig.health.status
-        rig.await_more()  # they still come
+        rig.await_more()  # samples still arrive
         rig.device.heal()
         wait_until(lambda: bit not in rig.health.status)  # noqa: B023 - called at once
         assert rig.health.device_status is None
-        if kind == 'status':  # the samples are the true ones
+        if kind == 'status':  # the values of the samples are correct
             check_samples(rig, divisor(way), is_running=True)
 
 
@@ -244,7 +244,7 @@ def test_settings_that_are_right_are_not_written_again():
     answer = box.answer
     box.answer = lambda path: (written.append(path) if '.cgi' in path else None) or answer(path)
     with NetFtDevice(box) as device:
-        for expected in (2, 2):  # two pages the first time, none the second
+        for expected in (2, 2):  # two pages are written the first time, and none the second time
             recorder = Recorder()
             with NetFtClient(configure(device, FAST), recorder, time.time_ns):
                 wait_until(lambda recorder=recorder: recorder.samples() > 10)

@@ -100,7 +100,7 @@ def test_silence_is_a_warning_and_says_what_arrives_instead():
     assert re.search('12,0.5,lbs,.*unit', sentence)
     assert 'baud' in assess(now_s=6.1, bytes=2000)[1]
     health = dataclasses.replace(HEALTHY, bytes=10**6, rejected_lines=5)
-    config = TendonSensorConfig(sensor='net_ft')  # has no lines
+    config = TendonSensorConfig(sensor='net_ft')  # a Net F/T sends no lines
     _, sentence = assess_health(health, HEALTHY, config, 7 * SECOND_NS)
     assert '2.0 s' in sentence
     assert 'baud' not in sentence

@@ -168,7 +168,8 @@ def test_a_board_without_a_clock_that_comes_back_takes_the_tare_with_it(make_gra
     graph.await_more(200)
     assert graph.call('tare').success
     first = pull_the_plug(graph, board, sensor)
-    board.fault = 'unplug'  # it writes no more: a slow answer would find enough samples
+    # the board stops sending, because a slow service call would find enough samples
+    board.fault = 'unplug'
     refused = graph.call('tare')
     board.fault = ''
     assert not refused.success
@@ -203,7 +204,7 @@ def test_a_clock_that_is_set_leaves_the_tare(make_graph, sensor, board):
     assert not any(m.status & StrainStatus.RESTARTED for m in graph.strain)
     assert len(graph.tares) == tares
     assert graph.values()['restarts'] == '0'
-    assert max(m.tension_n[0] for m in graph.strain[-10:]) < 0.2  # the tare is taken off
+    assert max(m.tension_n[0] for m in graph.strain[-10:]) < 0.2  # the tare is still subtracted
 
 
 def test_a_menu_that_was_left_open_is_left(make_graph, sensor):

@@ -143,6 +143,6 @@ def test_a_tare_is_refused_while_the_tendon_is_taut_or_a_trial_runs(make_graph, 
     await_answer('tare', '0 of 5')
     slack.publish(TendonSlack(state=TendonSlack.TAUT))
     await_answer('tare', 'mm')
-    graph.listener.destroy_publisher(slack)  # its node has gone
+    graph.listener.destroy_publisher(slack)  # the node of the tendon actuator has ended
     await_answer('tare', '0 of 5')
     assert graph.call('clear_tare').success

@@ -57,7 +57,8 @@ def make_source(context):
     sources = []
 
     def make(*arguments, **options):
-        theirs = Context()  # of another program: a topic has one type in each
+        # a context of another program, because a topic has one type in each program
+        theirs = Context()
         rclpy.init(context=theirs, domain_id=context.get_domain_id())
         sources.append(Source(theirs, *arguments, **options))
         return sources[-1]
@@ -90,7 +91,7 @@ def send_all(graph, source, samples):
     """Publish (stamp, value) pairs as fast as the node takes them."""
     for i, (stamp_ns, value) in enumerate(samples):
         source.send(value, stamp_ns)
-        if i % 20 == 19:  # the queues hold more
+        if i % 20 == 19:  # the queues hold more than these messages
             graph.executor.spin_once(timeout_sec=0.001)
 
 
@@ -202,7 +203,9 @@ def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, m
     graph.await_health(DiagnosticStatus.WARN, '/broadcaster')
     due_ns = time.time_ns()
 
-    def send_what_is_due():  # all of it: a busy computer does not change the rate of the stamps
+    # everything that is due is sent, so that a busy computer does not change the rate of the
+    # stamps
+    def send_what_is_due():
         nonlocal due_ns
         while due_ns < time.time_ns():
             source.send(random.random(), due_ns)

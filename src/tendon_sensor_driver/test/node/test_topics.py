@@ -60,7 +60,7 @@ def test_a_component_of_a_wrench_or_its_norm_is_the_tension(axis, expected, comp
     reading = READERS['geometry_msgs/msg/Wrench'](plain, config)
     assert reading == TopicReading(None, -2.0 * expected, components)
     assert READERS[WRENCH](stamped, config) == reading._replace(stamp_ns=3_000_000_005)
-    stamped.header = header(0, 0)  # a stamp of zero is none
+    stamped.header = header(0, 0)  # a stamp of zero means that there is no stamp
     assert READERS[WRENCH](stamped, config) == reading
 
 

@@ -37,7 +37,7 @@ _RANGES = {
     'setuserfilter': (0, 12),
 }
 _SATURATED_N = 1000.0
-_UPTIME_S = 150.0  # at the beginning: a restart is seen by a counter that falls back
+_UPTIME_S = 150.0  # uptime at the beginning, so that a restart decreases the counter
 _SLICE_S = 0.001
 
 
@@ -74,14 +74,14 @@ class NetFtBox:
         }
         self.settings = dict(_STORED)
         self._begun_s = -_UPTIME_S
-        self._faults = {}  # the time of its end [s] and the fraction of datagrams, by kind
+        self._faults = {}  # end [s] and fraction of datagrams of each kind of fault
         self._command = Command.STOP
         self._record = 0
         self._ticks = self._shown = 0  # number of the newest record, and its content
         self._status = 0
         self._held = []  # records that wait for their datagram
         self._overtaken = []
-        self._delayed = []  # datagrams on their way through a slow network
+        self._delayed = []  # datagrams that a slow network delays
 
     def fault(self, kind, now_s, duration_s=np.inf, fraction=0.1):
         """Begin a fault. If no duration is given, the fault lasts until `heal` is called.
@@ -103,7 +103,7 @@ class NetFtBox:
         return kind in self._faults and now_s < self._faults[kind][0]
 
     def is_away(self, now_s):
-        """True while nothing at all is answered."""
+        """True while the box answers nothing."""
         return self.has('unplug', now_s) or self.has('restart', now_s)
 
     def answer(self, path):
@@ -197,7 +197,7 @@ class NetFtBox:
 
     def _pack(self, records):
         self._held.append(records)
-        waiting = np.concatenate(self._held).astype(RECORD)  # big-endian, as they travel
+        waiting = np.concatenate(self._held).astype(RECORD)  # big-endian, as in the packets
         is_buffered = self._command is Command.START_BUFFERED
         size = self.settings['comrdtbsiz'] if is_buffered else 1
         whole = len(waiting) // size * size

@@ -32,7 +32,7 @@ class Model:
     def __init__(self, drift_ppm=0, first_ticks=5000, delay_ns=2 * MS_NS):
         self.drift_ppm = drift_ppm
         self.first_ticks = first_ticks
-        self.delay_ns = delay_ns  # the least delay from sample to arrival
+        self.delay_ns = delay_ns  # smallest delay from sample to arrival
 
     def ticks(self, elapsed_ns):
         device_ns = elapsed_ns * (1_000_000 + self.drift_ppm) // 1_000_000
@@ -83,7 +83,7 @@ def jitter(seed, most_ns):
 @pytest.mark.parametrize('newest', [18, None])
 def test_samples_that_waited_for_the_hosts_thread_do_not_make_the_stamps_late(newest):
     model, clock = Model(), DeviceClock(0.001, PERIOD_NS)
-    waited_ns = 18 * SECOND_NS // 60  # the first 19 samples arrive as one
+    waited_ns = 18 * SECOND_NS // 60  # the first 19 samples arrive together
     if newest is not None:
         clock.note_newest(model.ticks(newest * SECOND_NS // 60), model.true_stamp(waited_ns))
     rows = run(model, 7, lambda elapsed_ns: max(waited_ns - elapsed_ns, 0), clock)
@@ -209,7 +209,7 @@ def test_a_restarted_device_is_believed_from_its_second_line_on():
     assert clock.place(10, start_ns) is None
     again = clock.place(27, start_ns + 17 * MS_NS)
     assert again.is_restart
-    assert again.stamp_error_s < 0  # the delays known so far belong to another clock
+    assert again.stamp_error_s < 0  # earlier delays belong to another clock
     assert again.stamp_ns == start_ns + 17 * MS_NS
     assert not clock.place(43, start_ns + 33 * MS_NS).is_restart
     assert clock.outliers == 1
@@ -381,7 +381,7 @@ def test_the_time_of_arrival_tells_steps_from_delays_of_its_own():
     for _ in range(200):
         arrivals.now_ns()
     assert arrivals.take_step_ns() == 0
-    now_ns[0] = 50 * MS_NS  # less than what counts
+    now_ns[0] = 50 * MS_NS  # less than a step
     arrivals.now_ns()
     assert arrivals.take_step_ns() == 0
     now_ns[0] -= 5 * SECOND_NS

@@ -47,7 +47,8 @@ def test_any_separator_and_further_columns(line):
     ('line', 'options', 'reading'),
     [
         (b'1204,0.53,kg,24.75,', {}, (1204, 0.53)),  # OpenScale with its temperature
-        (b'1204,0.53,kg,8388607,24.75,21.3,', {}, (1204, 0.53)),  # and the rest it can send
+        # and all other columns that it can send
+        (b'1204,0.53,kg,8388607,24.75,21.3,', {}, (1204, 0.53)),
         (b'12.3', NO_TIME, (None, 12.3)),
         (b'0.5,kg,99', {'time_column': 2, 'value_column': 0}, (99, 0.5)),
         (b'12.3,45', {**NO_TIME, 'line_columns': 2}, (None, 12.3)),

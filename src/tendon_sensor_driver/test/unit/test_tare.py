@@ -71,7 +71,7 @@ def test_it_is_refused_with_the_reason_and_changes_nothing(tension_n, code, name
     assert not tare.note_restart(NOW_NS)
     feed(tare, noise(0.2))
     assert tare.measure(NOW_NS).samples == 50
-    assert tare.note_restart(NOW_NS)  # takes the tare away
+    assert tare.note_restart(NOW_NS)  # a restart clears the tare
     assert tare.value.samples == 0
     feed(tare, tension_n)
     with pytest.raises(TareError, match=named) as refusal:

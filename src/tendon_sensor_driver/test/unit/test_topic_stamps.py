@@ -106,7 +106,7 @@ def test_a_clock_of_both_that_is_set_keeps_the_bound_on_the_error(step_s):
 
 def test_a_queue_that_waits_and_empties_is_no_step_and_loses_nothing():
     clock = StampClock(PERIOD_NS)
-    first_ns = START_NS + 500 * MILLISECOND_NS  # the first ones were not taken before
+    first_ns = START_NS + 500 * MILLISECOND_NS  # the first samples were not taken earlier
     instants = []
     for i in range(2000):
         stamp_ns = START_NS + i * PERIOD_NS
@@ -243,7 +243,8 @@ def test_the_measured_rate_is_that_of_the_samples_whatever_is_lost(rate_hz, jitt
         START_NS + round((i + draw.uniform(-jitter, jitter)) * 1e9 / rate_hz) for i in numbers
     ]
     measured = Fraction(measure_rate_hz(times_ns, is_regular=True))
-    assert abs(measured / Fraction(rate_hz) - 1) < 0.005  # jitter of both ends, and a period
+    # the bound covers the jitter of both ends and one period
+    assert abs(measured / Fraction(rate_hz) - 1) < 0.005
 
 
 def test_arrivals_in_bursts_are_counted():
