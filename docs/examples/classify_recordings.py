@@ -63,8 +63,9 @@ for hold_out in ((), ('session',)):
 # %%
 # ## The model file
 #
-# The file contains features, classifier, calibration and a model card; the live classifier loads the same file. This
-# model is trained on five sessions and tested on the sixth. Windows unlike all training trials are `unknown`.
+# The file contains the specification of the features, the classifier, the calibration and a model card; the live classifier loads
+# the same file. This model is trained on five sessions and tested on the sixth. Windows that differ from all training trials are
+# `unknown`.
 is_last = table.column('session') == 5
 write_model(folder / 'texture.npz', train(table.take(~is_last), 'knn'))
 model = load_model(folder / 'texture.npz')

@@ -4,7 +4,7 @@
 # %%
 # # From CSV files to a label
 #
-# Read a folder of CSV files, train a model with its accuracy on held-out days, and classify a new file. No ROS.
+# Read a folder of CSV files, train a model, measure its accuracy on held-out days, and classify a new file. ROS is not needed.
 #
 # The files here are SIMULATED: one for each glide, with the columns `time_s` and `force_n`, in a folder for each day and label,
 # such as `lab/day1/rough/0.csv`. To use your own files, skip this cell and set `folder`
@@ -81,7 +81,8 @@ TactileClassifier(pipe).fit(X, y, groups=day).save(folder / 'texture.npz')
 # %%
 # ## Classify a new file
 #
-# `load_model` needs no scikit-learn. The classifier node loads the same file, and returns the same numbers for the same window.
+# `load_model` does not need scikit-learn. The classifier node loads the same file, and returns the same numbers for the same
+# window.
 write_glide(folder / 'new.csv', 9.0)
 program = """
 import sys
@@ -102,7 +103,8 @@ print(subprocess.run([sys.executable, '-c', program], cwd=folder, check=True, ca
 # %%
 # ## Unknown objects
 #
-# A window unlike all training trials is unknown. `p_value` is the fraction of held-out known trials that are as novel.
+# A window that differs from all training trials is unknown. `p_value` is the fraction of held-out trials whose novelty is at
+# least as high.
 from tactile_classifier import load_model
 
 model = load_model(folder / 'texture.npz')

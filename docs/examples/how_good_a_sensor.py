@@ -26,7 +26,7 @@ print(f'the load cell of the simulated rig: {rig.load_cell.noise_n:g} N of noise
 # %%
 # ## Trials with another sensor
 #
-# Eight glides over each plate in each of four sessions. The same seed gives the same motion; only the sensor differs.
+# Each plate has eight glides in each of four sessions. The same seed gives the same motion, so only the sensor differs.
 # Features are computed from three seconds, starting 0.6 s after the start of the glide.
 
 

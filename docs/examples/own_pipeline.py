@@ -4,7 +4,8 @@
 # %%
 # # Your own pipeline
 #
-# Features and a classifier of your choice in a scikit-learn pipeline, held-out sessions, and a model file for live nodes. No ROS.
+# Train a scikit-learn pipeline with features and a classifier of your choice, test it on held-out sessions, and write a model
+# file for live nodes. ROS is not needed.
 #
 # The files here are SIMULATED: one for each window, `LABEL_SESSION_NUMBER.csv`, with 180 samples of tension [N] at 60 Hz.
 import tempfile
@@ -40,7 +41,8 @@ print(X.shape, np.unique(y), np.unique(session))
 # %%
 # ## Features and classifier
 #
-# Each feature set is a transformer, with names for its columns. `cross_val_score` holds out one session at a time.
+# Each feature set is a scikit-learn transformer, which also returns the names of its features. `cross_val_score` holds out one
+# session at a time.
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_score
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
@@ -64,8 +66,8 @@ model.save(folder / 'texture.npz')
 # %%
 # ## Labels
 #
-# `load_model` needs no scikit-learn; the classifier node answers with the same file. `predict` always names a label,
-# `predict_or_unknown` rejects windows that are unlike all training windows.
+# `load_model` does not need scikit-learn, and the classifier node can use the same file. `predict` always returns a label;
+# `predict_or_unknown` returns *unknown* for windows that differ from all training windows.
 from tactile_classifier import load_model
 
 loaded = load_model(folder / 'texture.npz')
@@ -75,7 +77,7 @@ print(loaded.predict_or_unknown(new))
 print(loaded.p_value(new).round(2))
 
 # %%
-# A pipeline that no model file can hold is refused:
+# A pipeline that cannot be stored in a model file is refused:
 from sklearn.linear_model import LogisticRegression
 
 try:

@@ -4,8 +4,8 @@
 # %%
 # # The paper's protocol on public recordings
 #
-# 91 Fourier magnitudes, four classifiers, six-fold cross-validation ten times, and rank-sum tests, with scikit-learn's own
-# functions.
+# The protocol consists of 91 Fourier magnitudes, four classifiers, six-fold cross-validation that is repeated ten times, and
+# rank-sum tests. The cross-validation uses functions of scikit-learn.
 #
 # The recordings are 252 slides of a finger over 7 fabrics ([origin and licence](../real_recordings.md#fabrics)). They are not
 # part of this repository: convert `data/fabric` of [FabricSlide](https://github.com/wngfra/FabricSlide) to an
@@ -76,12 +76,13 @@ for name, classifier in classifiers.items():
         print(f'{name:12s} {"not scaled" if scaler == "passthrough" else "scaled":10s} {score.mean():5.1f} ± {score.std():.1f}')
 
 # %%
-# The features have no state, so they were computed once, outside the folds. The scaling learns from trials, and belongs in the
-# pipeline.
+# The features do not depend on other trials, so they were computed once, outside the folds. The scaling is fitted to trials, so it
+# belongs in the pipeline.
 #
 # ## Accuracy at a new speed
 #
-# Random folds test slides at speeds of the training. Hold out one speed to see the accuracy at a new one.
+# With random folds, the test slides have the same speeds as the training slides. Hold out one speed to measure the accuracy at a
+# new speed.
 for name, classifier in classifiers.items():
     score = 100 * cross_val_score(classifier, spectra, y, groups=speed_mm_s, cv=LeaveOneGroupOut()).mean()
     print(f'{name:12s} not scaled {score:5.1f}')

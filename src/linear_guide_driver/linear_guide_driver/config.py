@@ -284,11 +284,11 @@ class TendonActuatorConfig(_MotionConfig):
         }
 
     def to_tension_n(self, current_a: float) -> float:
-        """Return the tension [N] that a motor current [A] holds, less the friction."""
+        """Return the tension [N] of a motor current [A] after subtracting the friction current."""
         moment_nm = (current_a - self.friction_current_a) * self.torque_constant_nm_a
         return moment_nm / self.pulley_radius_m
 
     def to_current_a(self, tension_n: float) -> float:
-        """Return the motor current [A] that holds a tension [N], plus friction."""
+        """Return the motor current [A] that balances a tension [N], plus the friction current."""
         moment_nm = tension_n * self.pulley_radius_m
         return moment_nm / self.torque_constant_nm_a + self.friction_current_a

@@ -63,7 +63,7 @@ class ClockSkewFilter:
         self.slope = 0.0
         self.scatter_ns = -1
         self._points: deque[tuple[int, int]] = deque(maxlen=_HORIZON)
-        self._device_ns = 0  # with _difference_ns: one point of the line
+        self._device_ns = 0  # device time of a point of the line [ns]; its value is _difference_ns
         self._difference_ns = 0
         self._second = 0  # device time of the present minimum [s]
         self._samples = 0

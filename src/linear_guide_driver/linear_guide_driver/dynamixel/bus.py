@@ -28,8 +28,8 @@ from linear_guide_driver.serial_link import LINE_ERRORS
 READ_WAIT_S = 0.002
 
 ATTEMPTS = 3
-"""Attempts to ping, or to read or write one register. Writing a register twice is harmless,
-because all registers contain absolute values."""
+"""Number of attempts to ping, or to read or write one register. Writing a register twice is
+harmless, because all registers contain absolute values."""
 
 READ_LENGTHS = 4
 """Reads of one block cycle through this number of lengths. A late answer to one of the last three

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Blocking calls on a thread beside the test, and waits for their effects."""
+"""Blocking calls on a separate thread of the test, and waits for their effects."""
 
 import threading
 
