@@ -18,12 +18,12 @@ from tactile_lab.console import PlainConsole, Table
 
 DESCRIPTION = """Measure speed, error and accuracy. docs/benchmarks.md explains the results.
 
-Speed is a ratio: time of this code over the time of a floor, measured alternately
-in the same run. The floor is the minimum work for the task (a bare transform, a
-bare loop), or a comparable library; each table names it.
+Speed is a ratio: the time of this code divided by the time of a floor. Both are
+measured alternately in the same run. The floor is the minimum work for the task
+(a bare transform, a bare loop), or a comparable library; each table names it.
 
-Error is measured against a reference of higher precision, or as the number of
-different predictions. An error above its bound is a failure.
+Error is the deviation from a reference of higher precision, or the number of
+different predictions. A topic fails if an error exceeds its bound.
 """
 
 EPILOG = """exit status:

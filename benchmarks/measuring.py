@@ -15,12 +15,12 @@ import time
 from typing import Any
 
 OTHER_CHECKOUT = 'TACTILE_OTHER_CHECKOUT'
-"""Environment variable: root of another checkout, which is measured in turns with this one."""
+"""Environment variable: root of another checkout, which is measured alternately with this one."""
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """Time of this code over time of the floor: median and quartiles of alternating rounds."""
+    """Time of this code divided by the time of the floor: median and quartiles over the rounds."""
 
     median: float
     low: float
@@ -44,9 +44,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """Table of one topic, with explanations of its columns; empty if a column does not exist.
+    """Table of one topic.
 
-    ``more`` contains further tables of the topic.
+    ``floor`` and ``error`` explain these columns; they are empty if the table does not have the
+    column. ``more`` contains further tables of the topic.
     """
 
     title: str
@@ -62,7 +63,7 @@ def measure_ratio(
     rounds: int = 15,
     round_s: float = 0.02,
 ) -> Ratio:
-    """Measure both alternately and return the ratio of their times.
+    """Measure two functions alternately, and return the ratio of their times.
 
     Both run in each round, so that other load on the machine affects both.
 
@@ -79,7 +80,7 @@ def measure_ratio(
 
 
 def _count_loops(work: Callable[[], object], round_s: float) -> int:
-    first_s = _time_loops(work, 1)  # includes imports and filling of caches
+    first_s = _time_loops(work, 1)  # the first call also imports modules and fills caches
     if first_s > 10 * round_s:
         return 1
     return max(1, round(round_s / max(_time_loops(work, 1), 1e-7)))
@@ -104,7 +105,7 @@ def find_other_checkout() -> Path | None:
 
 def start_in(checkout: Path, *command: str, **options: Any) -> subprocess.Popen[Any]:
     """Start a program in the environment of a checkout, which is set up if necessary."""
-    # The other variables of this environment lead to the packages of this checkout.
+    # Other variables are not passed on, because they refer to the packages of this checkout.
     kept = ('PATH', 'HOME', 'LANG', 'TMPDIR', 'CMAKE_C_COMPILER_LAUNCHER', 'XDG_CACHE_HOME')
     environment = {name: os.environ[name] for name in kept if name in os.environ}
     environment['TACTILE_DISTRO'] = os.environ['ROS_DISTRO']
@@ -114,13 +115,13 @@ def start_in(checkout: Path, *command: str, **options: Any) -> subprocess.Popen[
 
 
 def read_processor_s(pid: int) -> float:
-    """Return the processor time of the present threads of a process [s]."""
+    """Return the processor time of all running threads of a process [s]."""
     threads = Path(f'/proc/{pid}/task').iterdir()
     return sum(int((each / 'schedstat').read_text().split()[0]) for each in threads) / 1e9
 
 
 def read_memory_mb(pid: int) -> float:
-    """Return the memory of a process [MB]; pages that n processes share count as 1/n."""
+    """Return the memory of a process [MB]. If n processes share a page, it counts as 1/n."""
     for line in Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines():
         if line.startswith('Pss:'):
             return int(line.split()[1]) / 1024

@@ -44,11 +44,11 @@ def _read(trials: TrialSet) -> Recording:
 
 
 def find_recording(name: str) -> Path | None:
-    """Return the file in the folder of the environment variable TACTILE_DATA, or None."""
+    """Return the file in the folder that the environment variable TACTILE_DATA names, or None."""
     path = Path(os.environ.get('TACTILE_DATA', '')) / name
     return path if path.is_file() else None
 
 
 def say_missing(name: str) -> str:
-    """Return the remedy for a missing recording."""
+    """Return a sentence about a missing recording, with the remedy."""
     return f'{name} is missing: set TACTILE_DATA to the folder that contains it'

@@ -91,7 +91,7 @@ def add_contents(app, name, source):
 
 
 def skip_requests(app, what, name, obj, skip, options):
-    """Leave out ``set_fit_request`` and the like: scikit-learn makes them, with its own terms."""
+    """Omit methods such as ``set_fit_request``, which scikit-learn generates."""
     return True if re.fullmatch(r'set_\w+_request', name) else None
 
 

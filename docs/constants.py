@@ -14,7 +14,7 @@ FILES = ('finger_flexion', 'finger_abduction', 'rig', 'plates', 'objects')
 
 
 def build_tables(config: Path) -> str:
-    """Return one Markdown table per file, with the comment at the top of the file as heading."""
+    """Return a Markdown table for each file, below the comment at the top of the file."""
     return '\n'.join(_build_table(config / f'{name}.yaml') for name in FILES)
 
 
@@ -32,10 +32,10 @@ def _build_table(path: Path) -> str:
             heading.append(text.lstrip('# '))
             continue
         if not text or text.startswith('{'):
-            if text:  # continuation of the value of the previous key
+            if text:  # this line continues the value of the previous key
                 rows[-1] = (rows[-1][0], text.strip('{}'), rows[-1][2])
             continue
-        if text.startswith('#'):  # continuation of the source
+        if text.startswith('#'):  # this line continues the source
             key, value, source = rows[-1]
             rows[-1] = (key, value, f'{source} {text.lstrip("# ")}')
             continue

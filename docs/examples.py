@@ -3,8 +3,8 @@
 
 """Run the examples and update their pages: ./tactile run python docs/examples.py.
 
-A line ``# %%`` starts a part of an example: first comments in Markdown, then code. The page shows
-the output of the code below it, and each open figure. A notebook with the same parts as cells is
+A line ``# %%`` starts a part of an example, which has comments in Markdown and then code. The page
+shows the text, the code, its output and its figures. A notebook with the same parts as cells is
 written next to the page.
 """
 

@@ -62,10 +62,10 @@ def main() -> None:
 
 
 def find_free_shapes(contact: str, tensions_n: tuple[int, ...]) -> list[FloatArray]:
-    """Modes of the free finger at rest at each tension, shape (3,)."""
+    """Return the shape of the free finger at rest for each tension: three modes, shape (3,)."""
     scene = build_scene('stiffness', 'none', contact)
     pulls_m = np.linspace(0.0, 0.03, 3000)
-    # All pulls in one simulation: one finger per pull, with a different tendon zero.
+    # All pulls are simulated together, as fingers with different tendon zeros.
     variation = dataclasses.replace(Variation.none(len(pulls_m)), tendon_zero_m=-pulls_m)
     start = scene.compute_inputs(np.zeros(1), np.array([scene.guide_m]))[0]
     state = scene.start_trials(variation, start)
@@ -172,7 +172,7 @@ def draw_glide(path: Path) -> None:
 
 
 def draw_passage(column: Any, scene: Scene, label: str) -> None:
-    """Draw one plate: the profile as felt by the fingertip above, the tension below."""
+    """Draw one plate: above, the path of the fingertip over the profile; below, the tension."""
     assert scene.surface is not None
     timeline = Timeline([Move(0.9, 0.110, 0.015)], [Move(0.2, PULL_M['flexion'], 0.02)], 4.0)
     fast = dataclasses.replace(scene.rig.load_cell, rate_hz=1000.0)

@@ -44,7 +44,7 @@ SHAPE_STYLES = {
     'middle': ('#2e8b57', '-'),
     'end': ('#d2691e', '--'),
 }
-"""Colour and line style of each moment; the shapes at start and end of a hold coincide."""
+"""Colour and line style of each moment. They differ, because shapes of a hold coincide."""
 
 BODY_DEPTH_M = 0.012
 """Drawn depth of plates and objects [m]; the model only contains their surface."""
@@ -139,7 +139,7 @@ def _choose_label(protocol: str, catalogue: Catalogue) -> str:
     labels = catalogue.labels(protocol)
     if protocol == 'texture':
         return next((name for name in labels if catalogue.plate(name).groove != 'none'), labels[0])
-    # The softest object. Stiffness 0 means no object.
+    # Choose the softest object; a stiffness of 0 means that there is no object.
     return min(labels, key=lambda name: catalogue.body(name).stiffness_n_m or math.inf)
 
 
@@ -168,7 +168,7 @@ def compute_touching_tip(finger: Finger) -> tuple[float, float]:
 
 
 def surface_drop_m(finger: Finger) -> float:
-    """Return the distance of the top of plates and objects below the base in the figure [m].
+    """Return how far below the base the top of plates and objects is drawn [m].
 
     The drop in the model refers to the lowest point of the tip. In the figure the centre line ends
     in the middle of the tip, so the top is moved down by the tip's radius; nothing else changes.

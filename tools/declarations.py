@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True)
 class Library:
-    """Declaration of a library from PyPI.
+    """How a library from PyPI is declared.
 
     Attributes
     ----------
@@ -90,9 +90,9 @@ OPTIONAL = {
 """Optional dependencies of each package, which are extras in ``setup.py``."""
 
 DEPENDENCIES = ('depend', 'build_depend', 'build_export_depend', 'exec_depend', 'test_depend')
-"""Elements of a ``package.xml`` that rosdep resolves."""
+"""Elements of a ``package.xml`` whose keys rosdep installs."""
 
-REMEDY = 'packages that run on a robot must only need what apt can install'
+REMEDY = 'packages that run on a robot may only depend on packages that apt can install'
 
 NOT_INSTALLED_BY_PIP = {'tactile_testing'}
 """Packages used only by tests, not included in the wheel."""
@@ -100,7 +100,7 @@ NOT_INSTALLED_BY_PIP = {'tactile_testing'}
 NOT_IMPORTED = {
     'tactile_bringup': {'ros2launch'},  # `ros2 launch`, which starts the launch files
 }
-"""Dependencies of each package that are used, but not imported."""
+"""Dependencies of each package that it uses without importing them."""
 
 TYPE_NAME = re.compile(r'(\w+)/(?:msg|srv|action)/\w+')
 
@@ -171,10 +171,10 @@ def read_requirements(name: str) -> dict[str, str]:
 
 
 def check_bounds(folders: Iterable[Path]) -> list[str]:
-    """Return one sentence per lower bound that differs between files."""
+    """Return a sentence for each lower bound that differs between files."""
     wanted = read_requirements('packages.txt')
     bounds = {name: line.partition('>=')[2] for name, line in wanted.items()}
-    # If two libraries share a key, the library that gives the key its name is listed first.
+    # If two libraries share a key, the bound of the library that is listed first is used.
     of_keys: dict[str, str] = {}
     for library in LIBRARIES.values():
         of_keys.setdefault(library.key, bounds.get(library.distribution, ''))
@@ -201,7 +201,7 @@ def check_bounds(folders: Iterable[Path]) -> list[str]:
 
 
 def check_package(folder: Path) -> list[str]:
-    """Return one sentence per import that is not declared, and per unused declaration."""
+    """Return a sentence for each undeclared import, and for each unused declaration."""
     name = folder.name
     optional = OPTIONAL.get(name, set())
     files = list((folder / 'test').rglob('*.py'))
@@ -241,7 +241,7 @@ def check_package(folder: Path) -> list[str]:
 
 
 def check_robot() -> list[str]:
-    """Return one sentence per dependency of the robot's packages that apt cannot install.
+    """Return a sentence for each dependency of the robot packages that apt cannot install.
 
     The packages of this repository that they depend on, also in tests, are checked as well.
     """
@@ -280,7 +280,7 @@ def check_robot() -> list[str]:
 
 
 def check_wheel(folders: Iterable[Path]) -> list[str]:
-    """Return one sentence per difference between the packages and the requirements of pip."""
+    """Return a sentence for each difference between the packages and the files for pip."""
     listed = set(read_requirements('packages.txt'))
     required = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
     needed = {name_of(line) for line in required} - {'setuptools'}

@@ -34,8 +34,8 @@ usage: ./tactile COMMAND [ARGUMENT ...]
                   the commands of `tactile`; ./tactile COMMAND --help explains each
 
   --version       the version of the packages
-  --distro kilted before or behind the command takes ROS 2 Kilted instead of Jazzy;
-  --distro noble takes Jazzy with the Python libraries of Ubuntu 24.04.
+  --distro kilted before or after the command selects ROS 2 Kilted instead of Jazzy;
+  --distro noble selects Jazzy with the Python libraries of Ubuntu 24.04.
 
 The first call sets up a virtual environment with ROS 2 and builds the workspace
 in .tactile/; later calls start immediately.

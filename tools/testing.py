@@ -253,7 +253,8 @@ def read_results(paths: list[Path]) -> list[Outcome]:
         elif skip is not None:
             outcome.skipped += 1
             reason = (skip.get('message') or '').strip()
-            if reason == 'collection skipped':  # the text is a tuple that contains the reason
+            # In this case, the text is a tuple that contains the reason.
+            if reason == 'collection skipped':
                 reason = (skip.text or '').rpartition('Skipped: ')[2].rstrip('\'")')
             skips[f'skipped {place}', reason.rpartition('\n')[2]] += 1
         else:

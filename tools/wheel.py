@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check the result of `pip install .` without ROS in an empty environment.
+"""Check that `pip install .` works without ROS in an empty environment.
 
 ``python tools/wheel.py`` builds the wheel with the current Python, installs it with pip into a new
 virtual environment, and tries the commands and the examples. Then it runs the tests of the plain
@@ -85,7 +85,10 @@ def use(python: Path, folder: Path) -> None:
 
 
 def run(command: list[str | Path], folder: Path, *, code: int = 0, says: str = '') -> str:
-    """Run a program outside of this clone and without ROS 2; return its output."""
+    """Run a program outside of this clone and without ROS 2; return its output.
+
+    Raises SystemExit if the exit code is not ``code``, or the output does not contain ``says``.
+    """
     foreign = ('AMENT_', 'COLCON_', 'PYTHON', 'ROS_', 'VIRTUAL_ENV')
     environment = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}
     done = subprocess.run(

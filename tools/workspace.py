@@ -28,14 +28,14 @@ DISTROS = ('jazzy', 'kilted')
 """Distributions with wheels on PyPI, each with a requirements file."""
 
 NOBLE = 'noble'
-"""Name for ROS 2 Jazzy with the Python libraries of Ubuntu 24.04."""
+"""Name of the workspace with ROS 2 Jazzy and the Python libraries of Ubuntu 24.04."""
 
 LOOPBACK = ROOT / 'src' / 'tactile_ros' / 'tactile_ros' / 'loopback.xml'
 COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
-"""Requirements included by each distribution."""
+"""Requirements files that the files of the distributions include."""
 
 PYTHON_MESSAGES = ROOT / 'tools' / 'python_messages.cmake'
-"""Limit the build of ``tactile_msgs`` to the generators used by Python."""
+"""CMake arguments that limit ``tactile_msgs`` to the generators that Python needs."""
 
 
 class SetupError(Exception):
@@ -92,7 +92,7 @@ class Workspace:
         return hashlib.sha256(wanted + place.encode()).hexdigest()
 
     def build_key(self) -> str:
-        """Digest that changes if a build is needed.
+        """A digest that changes if a build is necessary.
 
         Python modules are linked, not copied, so edits need no build.
         """
@@ -219,7 +219,7 @@ class Workspace:
                 temporary.replace(path)
 
     def build(self) -> None:
-        key = self.build_key()  # computed before the build, in case files are edited meanwhile
+        key = self.build_key()  # before the build, because files may be edited during the build
         recipe = hashlib.sha256(PYTHON_MESSAGES.read_bytes()).hexdigest()
         if self.state().get('recipe') != recipe:
             # Build directories keep libraries of generators that are no longer used.
@@ -304,7 +304,8 @@ class Workspace:
         if 'ROS_AUTOMATIC_DISCOVERY_RANGE' not in env:
             fast = 'FASTRTPS' if self.distro == 'jazzy' else 'FASTDDS'
             env.setdefault(f'{fast}_DEFAULT_PROFILES_FILE', str(LOOPBACK))
-        env.setdefault('OPENBLAS_NUM_THREADS', '1')  # threads only slow down small matrices
+        # Several threads would only slow down computations with small matrices.
+        env.setdefault('OPENBLAS_NUM_THREADS', '1')
         # Keep logs out of the home folder.
         env.setdefault('ROS_LOG_DIR', str(self.base / 'ros_log'))
         env.setdefault('MPLCONFIGDIR', str(self.base / 'matplotlib'))

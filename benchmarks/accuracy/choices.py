@@ -42,7 +42,7 @@ OVER_MM = {'spatial_length_m': 0.048, 'spatial_finest_m': 0.003}
 
 
 def read_fabrics(channel: int | str = 'mean') -> dict[str, FeatureTable]:
-    """Return the tables of the fabrics by feature set."""
+    """Return the feature tables of the fabrics; the keys are feature sets."""
     trials = recordings.read_fabrics()
     speeds_m_s = trials.columns['speed_mm_s'] / 1e3
     sets = ('texture_spectrum', 'texture_spatial', 'glide_waveform', 'spatial_waveform')
@@ -61,7 +61,7 @@ def read_fabrics(channel: int | str = 'mean') -> dict[str, FeatureTable]:
 
 
 def read_holds() -> dict[str, FeatureTable]:
-    """Return the tables of the holds by feature set."""
+    """Return the feature tables of the holds; the keys are feature sets."""
     x, label, rate_hz, _ = recordings.read_holds()
     sets = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
     return {
@@ -74,11 +74,11 @@ def read_holds() -> dict[str, FeatureTable]:
 
 PLATE_SETS = ('texture_spectrum', 'texture_spatial', 'glide_waveform', 'spatial_waveform')
 PLATE_NOISE_N = 0.08
-"""White noise added to all samples, rms [N]; without noise, most feature sets reach 100 %."""
+"""White noise that is added to all samples, rms [N]. Without it, most feature sets reach 100 %."""
 
 
 def read_plates(seed: int) -> dict[str, FeatureTable]:
-    """Simulate twelve plates with a seed; return their tables by feature set."""
+    """Simulate trials on twelve plates; return their feature tables; the keys are feature sets."""
     signals, labels, sessions = simulate(seed, USUAL_MM_S)
     noise = np.random.default_rng(seed).standard_normal(signals.shape)
     speeds_m_s = np.full(len(signals), USUAL_MM_S / 1e3)
@@ -106,7 +106,7 @@ Divide = Callable[[FeatureTable, int], Split]
 
 
 def run_choice(quick: bool) -> Report:
-    """Compare the automatic choice with the candidate that was best in hindsight."""
+    """Compare the automatic choice with the candidate that is best on the test trials."""
     seeds = range(1 if quick else SEEDS)
     rows = [Row(say_missing(PHAC_HOLD))]
     if find_recording(PHAC_HOLD) and find_recording(FABRIC_SLIDE):

@@ -3,10 +3,10 @@
 
 """Comparison with the features of other libraries on the same trials, in the same run.
 
-MiniRocket and MultiRocket are part of aeon; tsfresh contributes many statistics. Install them with
-``pip install aeon tsfresh``. Libraries that are not installed are reported and left out. All
-methods use the same signals, including their level. Random choices (kernels, folds) are repeated
-with `SEEDS` seeds.
+The peers are MiniRocket and MultiRocket of aeon, and the statistics of tsfresh. Install them with
+``pip install aeon tsfresh``. Libraries that are not installed are reported and omitted. All
+methods use the same signals, whose mean is not subtracted. Random choices (kernels, folds) are
+repeated with `SEEDS` seeds.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ class Method:
     """Features of glides, and the estimator for these features.
 
     ``fit`` takes signals and a seed, and returns the transformation of signals to features. If
-    ``learns`` is set, the transformation is fitted to the training signals. ``build`` takes a
-    seed.
+    ``learns`` is True, the transformation is fitted to the training signals. ``build`` takes a
+    seed, and returns the estimator.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Method:
 
 
 def rocket(name: str, compute: Transform) -> Method:
-    """Return random convolutions of a waveform, as in `tactile train`."""
+    """Return the method of random convolutions of a waveform, as in `tactile train`."""
 
     def build(seed: int) -> Any:
         # The two sets of kernels use two random states.
@@ -85,8 +85,8 @@ def fixed(compute: Transform) -> Callable[[Array, int], Transform]:
 def fit_aeon(name: str, view: Transform | None, x: Array, seed: int) -> Transform:
     """Fit a transformation of aeon to the training signals.
 
-    It is applied to the result of ``view``, or to the signals themselves: shape (trials, samples)
-    or (trials, channels, samples).
+    The transformation is applied to the result of ``view``, or to the signals if ``view`` is None.
+    Both have the shape (trials, samples) or (trials, channels, samples).
     """
     from aeon.transformations.collection import convolution_based
 
@@ -100,7 +100,7 @@ def fit_aeon(name: str, view: Transform | None, x: Array, seed: int) -> Transfor
 
 
 def compute_tsfresh(x: Array) -> Array:
-    """Return tsfresh's efficient features, except features that are undefined for some trial."""
+    """Return tsfresh's "efficient" features, except those that are undefined for some trial."""
     import pandas
     from tsfresh import extract_features
     from tsfresh.feature_extraction import EfficientFCParameters
@@ -129,7 +129,7 @@ def ridge(_seed: int = 0) -> Any:
 
 
 def peers() -> list[Method]:
-    """Return the installed peers, and a nearest-neighbour classifier on raw signals."""
+    """Return the installed peers, and a nearest-neighbour classifier of raw signals."""
     methods = [
         Method('raw neighbour', fixed(lambda x: x), lambda _: KNeighborsClassifier(n_neighbors=1))
     ]
@@ -166,7 +166,9 @@ def held_out(group: Array, _seed: int = 0) -> Split:
 
 
 class MethodOnTrials:
-    """A method on one set of trials; features that are not fitted are computed once.
+    """A method applied to one set of trials.
+
+    Features that are not fitted are computed only once.
 
     ``x`` has shape (trials, samples), ``label`` has shape (trials,).
     """
@@ -180,7 +182,7 @@ class MethodOnTrials:
     def measure(
         self, split: Callable[[int], Split], seeds: int
     ) -> tuple[list[float], float, float]:
-        """Return the accuracy of each seed [%], and the times of one window and a training [s]."""
+        """Return the accuracy of each seed [%], and the times of a window and a training [s]."""
         accuracies: list[float] = []
         window_s: list[float] = []
         training_s: list[float] = []
@@ -228,7 +230,7 @@ def compare(
 
 
 def run_peers(quick: bool) -> Report:
-    """Compare on two public recordings, if they are available."""
+    """Compare all methods on two public recordings, if they are available."""
     rows = [
         Row(f'left out: {name} is not installed (pip install {name})')
         for name in ('aeon', 'tsfresh')
@@ -249,7 +251,7 @@ def run_peers(quick: bool) -> Report:
 def compute_by_speed(trials: Recording, x: Array, name: str, rows: Array) -> Array:
     """Return a feature set for some rows of the signals ``x``, with their speeds.
 
-    The peers do not pass a speed, so the row is searched in ``x``.
+    Methods get no speeds, so the speed of a row is found by searching the row in ``x``.
     """
     place = {row.tobytes(): i for i, row in enumerate(x)}
     config = FeatureConfig(

@@ -3,10 +3,11 @@
 
 """Accuracy with a wrong sample rate, or a wrong speed of the guide.
 
-Models are trained on correct trials and tested on others. Of public recordings, the tested signals
-are stretched about the middle of the window: a sensor that is 1 % faster than stated gives more
-samples for the same path, and a guide that is 1 % faster gives fewer. SIMULATED trials at other
-speeds are simulated anew, in other sessions than the training.
+Models are trained on correct trials, and tested on trials whose sample rate or speed differs from
+the stated value. In public recordings, the tested signals are stretched about the middle of the
+window: if the sensor is 1 % faster than stated, there are more samples on the same path, and if
+the guide is 1 % faster, there are fewer. SIMULATED trials are simulated with the other speed, in
+other sessions than the training trials.
 """
 
 from __future__ import annotations
@@ -40,20 +41,20 @@ from tactile_sim.descriptions.catalogue import default_catalogue
 Array = NDArray[Any]
 
 ERRORS = (-0.02, -0.01, 0.0, 0.01, 0.02)
-"""Relative errors: the true value over the stated one, minus one [1]."""
+"""Relative errors: true value divided by stated value, minus one [1]."""
 
 MARGIN = 4
-"""Samples at either end that only stretched windows use."""
+"""Number of samples at each end that only stretched windows use."""
 
 LENGTH_M = 0.045
-"""Path of the slowest slides, without these samples."""
+"""Length of the path of the slowest glides without these samples."""
 
 
 def stretch(x: Array, factor: float) -> Array:
-    """Return the windows, shape (trials, samples), at ``factor`` times the distance of samples.
+    """Return the windows resampled at ``factor`` times the sample period.
 
-    The middle stays; `MARGIN` samples at either end are cut off. Between samples the signal is
-    interpolated by a cubic spline.
+    The windows have shape (trials, samples). Their middle stays in place, and `MARGIN` samples at
+    each end are removed. The signal is interpolated by a cubic spline.
     """
     from scipy.interpolate import CubicSpline
 
@@ -62,7 +63,7 @@ def stretch(x: Array, factor: float) -> Array:
 
 
 def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
-    """Return the features of a set over distance, at the stated speeds."""
+    """Return features over distance, computed with the stated speeds."""
     config = FeatureConfig(
         texture_features=features, spatial_length_m=LENGTH_M, spatial_finest_m=FINEST_M
     )
@@ -72,7 +73,7 @@ def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
 
 
 def run_rate_error(quick: bool) -> Report:
-    """Test models on signals whose rate or speed differs from what is stated."""
+    """Test models on signals whose rate or speed differs from the stated value."""
     rows = [*_measure_fabrics(quick), *_measure_holds(), *_measure_simulated(quick)]
     return Report(
         'accuracy with a wrong sample rate or speed of the guide',
@@ -99,7 +100,7 @@ def _measure_fabrics(quick: bool) -> list[Row]:
     ]
     rows = []
     for title, view, classifier, scaling in views[: 1 if quick else None]:
-        # A faster sensor sees less of the path between two samples, a faster guide more.
+        # The path between two samples is shorter with a faster sensor, longer with a faster guide.
         for of, power in (('rate', -1), ('guide speed', 1)):
             tables = [
                 view(replace(glides, x=stretch(glides.x, (1.0 + error) ** power)))
@@ -127,9 +128,9 @@ def _measure_holds() -> list[Row]:
 def hold_out(
     tables: Sequence[Array], label: Array, group: Array, classifier: str, scaling: str
 ) -> list[float]:
-    """Return the accuracy [%] on each table, with each group held out in turn.
+    """Return the accuracy on each table, with each group held out once [%].
 
-    Models are trained on the table without an error.
+    Models are trained on the table whose error is zero.
     """
     right = np.zeros((len(tables), len(label)), dtype=bool)
     usual = tables[ERRORS.index(0.0)]

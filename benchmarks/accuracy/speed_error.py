@@ -110,7 +110,7 @@ def _measure_all(
     split: Callable[[int], Any],
     seeds: int,
 ) -> Iterator[Point]:
-    """Yield the points of one recording; peers use the waveforms or the samples."""
+    """Yield the points of one recording. Peers are applied to waveforms or raw samples."""
     methods: list[tuple[str, str, str, Method, int]] = []
     for name, view in views.items():
         for classifier in CLASSIFIERS:
@@ -142,7 +142,7 @@ def _measure_all(
             min(found),
             max(found),
         )
-        sys.stderr.write(f'{point}\n')  # it takes long
+        sys.stderr.write(f'{point}\n')  # progress, because the measurement takes long
         yield point
 
 
@@ -154,7 +154,7 @@ def _build(classifier: str, scaling: str, seed: int) -> Any:
 
 
 def draw(points: list[Point], path: Path) -> None:
-    """Draw accuracy over the times of a window and of a training."""
+    """Draw the accuracy against the times for one window and for one training."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -223,7 +223,7 @@ def draw(points: list[Point], path: Path) -> None:
 
 
 def main() -> None:
-    """Measure and draw."""
+    """Measure all methods, and draw the plot."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     parser.add_argument('--plot', type=Path, required=True, help='picture to write')
     parser.add_argument('--seeds', type=int, default=SEEDS)

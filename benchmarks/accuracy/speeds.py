@@ -25,17 +25,17 @@ from tactile_features import compute_spectrum, FeatureConfig, features_from_tria
 Array = NDArray[Any]
 
 LENGTH_M = 0.048
-"""Path of the slowest glides, without one sample at each end."""
+"""Length of the path of the slowest glides, without one sample at each end."""
 
 FINEST_M = 0.003
-"""Finest scale: at 100 mm/s and 35.6 Hz there is only one sample every 2.8 mm."""
+"""Finest scale of the features. At 100 mm/s and 35.6 Hz, samples are 2.8 mm apart."""
 
 AWAY_M = (-0.012, -0.006, 0.006, 0.012)
 
 
 @dataclass(frozen=True)
 class Glides:
-    """Glides that are already cut: signals (trials, samples), labels and speeds (trials,)."""
+    """Glides of equal length: signals (trials, samples), labels (trials,), speeds (trials,)."""
 
     x: Array
     label: Array
@@ -43,7 +43,7 @@ class Glides:
     rate_hz: float
 
     def moved(self, by_m: float) -> Glides:
-        """Shift the glides along their path, if they are long enough."""
+        """Return the glides from a later position on their path, if they are long enough."""
         step_m = self.speed_m_s / self.rate_hz
         room_m = step_m * (self.x.shape[1] - 3) - 2 * abs(by_m)
         long = room_m >= LENGTH_M
@@ -58,7 +58,7 @@ View = Callable[[Glides], Array]
 
 
 def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
-    """Return features over distance."""
+    """Return the features of a set over distance."""
     config = FeatureConfig(
         texture_features=features, spatial_length_m=LENGTH_M, spatial_finest_m=FINEST_M
     )
@@ -68,7 +68,7 @@ def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
 
 
 def waveform(glides: Glides) -> Array:
-    """Return the smoothed signal over the middle of the path, minus its mean."""
+    """Return the smoothed signal over the middle of the path, with its mean subtracted."""
     count = glides.x.shape[1]
     at_s = (np.arange(count) - (count - 1) / 2) / glides.rate_hz
     grid_m = ((np.arange(24) + 0.5) / 24 - 0.5) * LENGTH_M
@@ -82,7 +82,7 @@ def waveform(glides: Glides) -> Array:
 
 
 def over_time(glides: Glides) -> Array:
-    """Return the features of the paper, of the signal minus its mean."""
+    """Return the features of the paper, of the signal with its mean subtracted."""
     return compute_spectrum(glides.x, detrend='mean')
 
 
@@ -159,7 +159,7 @@ def run_speeds(quick: bool) -> Report:
 
 
 def _measure(channels: Sequence[Glides], names: Sequence[str]) -> list[Row]:
-    """Return the rows for the mean of all channels (first), one channel, and all channels."""
+    """Return the rows for the mean of all channels, for one channel, and for all channels."""
     mean, *each = channels
     rows = []
     views: dict[str, View] = {'waveform over mm': waveform, 'texture_spatial': over_distance}

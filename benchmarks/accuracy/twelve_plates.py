@@ -1,7 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Twelve plates with pitches 5 % apart and worn edges, at several speeds, in new sessions."""
+"""Twelve plates that are hard to tell apart, at several speeds, in new sessions.
+
+Their pitches differ by 5 %, and their edges are worn.
+"""
 
 from __future__ import annotations
 
@@ -33,12 +36,14 @@ SPEEDS_MM_S = (8, 12, 18, 25)
 BETWEEN_MM_S = (10, 15, 21)
 USUAL_MM_S = 15
 SESSIONS, TRIALS = 8, 3
-"""Sessions, and trials of each plate and speed in each; the first half is used for training."""
+"""Number of sessions, and of trials on each plate at each speed in a session. The first half of
+the sessions is used for training."""
 
 SEEDS = (1, 2, 3)
 CROP_M, PATH_M = 0.010, 0.035
 SAMPLES = 84
-"""Samples of the path at 25 mm/s; for features over time, all signals are cut to this length."""
+"""Number of samples on the path at 25 mm/s. For features over time, all signals are truncated to
+this length."""
 
 POINTS = 128
 
@@ -47,7 +52,7 @@ TASKS = {
     'speeds between': (SPEEDS_MM_S, BETWEEN_MM_S, 0.0),
     'and 80 mN': (SPEEDS_MM_S, BETWEEN_MM_S, 0.08),
 }
-"""Speeds of training and test [mm/s], and white noise added to all samples, rms [N]."""
+"""Speeds in training and test [mm/s], and white noise that is added to all samples, rms [N]."""
 
 
 @lru_cache
@@ -102,7 +107,7 @@ def signal_over_path(x: Array, speed_mm_s: int) -> Array:
 
 
 class Method(NamedTuple):
-    """Features, with a linear SVM, or with random convolutions and a ridge classifier."""
+    """A method: features and a linear SVM, or random convolutions and a ridge classifier."""
 
     name: str
     view: Callable[[Array, int], Array]

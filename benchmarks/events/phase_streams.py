@@ -22,20 +22,20 @@ from tactile_sim.physics.trials import simulate_trials
 FloatArray = NDArray[np.float64]
 
 SEED = 1001
-"""Seed of the tested sessions. Only the constants of the detection were chosen with seed 1."""
+"""Seed of the tested sessions. The constants of the detection were chosen with seed 1."""
 
 TAUT_N = 0.01
-"""True tension above rest from which the tendon counts as pulled."""
+"""The tendon counts as taut if its true tension exceeds the tension at rest by this value."""
 
 
 @dataclass(frozen=True)
 class StatedTrial:
     """One trial of a stream, with its commanded phases.
 
-    ``start_ns`` and ``end_ns`` are the times of its first sample and of the first sample of the
-    next trial [ns]. ``phases_ns`` holds the time at which each phase was commanded. For
-    ``contact`` and ``done`` it holds the times at which the tendon became taut and slack; these
-    are later and earlier than the commands [ns].
+    ``start_ns`` is the time of its first sample, and ``end_ns`` that of the first sample of the
+    next trial [ns]. ``phases_ns`` has the time at which each phase was commanded [ns], with two
+    exceptions: ``contact`` is the time at which the tendon became taut (after the command), and
+    ``done`` the time at which it became slack (before the command).
     """
 
     label: str

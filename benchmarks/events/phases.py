@@ -28,14 +28,14 @@ from tactile_features.types import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_ros.strain import StrainBlock
 
 MARK = {'stiffness': 'hold', 'texture': 'glide'}
-"""Phase used for the features of each protocol."""
+"""Phase of each protocol in which the features are computed."""
 
 TOLERANCE_NS = 50_000_000
-"""Maximum time error of a detected phase: three samples at 60 Hz."""
+"""Largest accepted time error of a detected phase: three samples at 60 Hz."""
 
 SESSIONS = 6
 TEST_SESSIONS = 2
-"""Number of test sessions, which are the last; the others are used for training."""
+"""The last sessions, as many as this, are used for testing, and the others for training."""
 
 CONDITIONS: dict[str, tuple[Disturbance, dict[str, float]]] = {
     'noise 4 mN': (Disturbance(), {}),
@@ -156,7 +156,7 @@ def run_phase_features(quick: bool) -> Report:
 
 
 _Table = tuple[list[NDArray[np.float64] | None], list[str], list[int]]
-"""Features (None without a window), labels and sessions of each trial."""
+"""Features (None if there is no window), label and session of each trial."""
 
 
 def _tables(protocol: str, contact: str, trials: int, disturbance: Disturbance) -> list[_Table]:

@@ -1,7 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Speed and error of predicting one window with a model file, compared with scikit-learn."""
+"""Speed and error of the prediction for one window with a model file.
+
+The reference is scikit-learn.
+"""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processor time of one prediction, against the model file of another checkout.
+"""Processor time of one prediction, compared with another checkout.
 
-Needs the environment variable ``TACTILE_OTHER_CHECKOUT``. Both checkouts train on the same
-numbers, each in its own environment, and predict the same window in turns.
+Needs the environment variable ``TACTILE_OTHER_CHECKOUT``. Each checkout trains on the same numbers
+in a separate environment. Then both predict the same window alternately.
 """
 
 from __future__ import annotations
@@ -79,12 +79,12 @@ class Predictor:
     def _read(self) -> str:
         line: str = self._process.stdout.readline()
         if not line:
-            raise RuntimeError('a process that predicts has ended; its error is above')
+            raise RuntimeError('a prediction process has ended; its error is above')
         return line
 
 
 def run_predictions(quick: bool) -> Report:
-    """Measure every classifier of both checkouts in turns."""
+    """Measure every classifier of both checkouts alternately."""
     other = find_other_checkout()
     if other is None:
         raise SystemExit(f'set {OTHER_CHECKOUT} to the root of the checkout to compare with')

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processor time of `tactile train` and `tactile evaluate --report`, beside another checkout.
+"""Processor time of `tactile train` and `tactile evaluate --report` in two checkouts.
 
-Needs the environment variable ``TACTILE_OTHER_CHECKOUT``. Both checkouts read the same archive of
-generated windows and the same bag of SIMULATED trials, in turns.
+Needs the environment variable ``TACTILE_OTHER_CHECKOUT``. The commands of both checkouts run
+alternately on the same archive of generated windows and the same bag of SIMULATED trials.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Times(NamedTuple):
 
 
 def run_training(quick: bool) -> Report:
-    """Measure both commands of both checkouts in turns."""
+    """Measure both commands of both checkouts alternately."""
     other = find_other_checkout()
     if other is None:
         raise SystemExit(f'set {OTHER_CHECKOUT} to the root of the checkout to compare with')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Latency of five fingers from a block of samples to a classification; and `tactile hand`."""
+"""Latency of five fingers from samples to classification, and resources of `tactile hand`."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ CASE = Case(rate_hz=60, block=1, blocks_a_window=30)
 
 @dataclass
 class Run:
-    """Result of one run of the nodes, or of bare relays."""
+    """Result of one run of the nodes, or of plain relays of messages."""
 
     latencies_s: list[float]
     wanted: int
@@ -96,7 +96,7 @@ class Run:
 
 
 def run_hand(quick: bool) -> Report:
-    """Measure the nodes and bare relays alternately, then the command."""
+    """Measure the nodes and plain relays of messages alternately, then `tactile hand`."""
     seconds = 3.0 if quick else 8.0
     runs: dict[str, list[Run]] = {'bare': [], 'ours': []}
     with make_model(CASE) as model, domain_id() as domain:

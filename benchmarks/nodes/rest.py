@@ -199,7 +199,7 @@ def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
     times = {'guide': 0.0, 'tendon': 0.0, 'slack': -1.0}
     while (passed_s := time.monotonic() - began_s) < WATCHED_S:
         guide_now_m, tendon_now_m = _positions(rig)
-        # Compared with the position of the last detected motion, to detect slow motion.
+        # Compare with the position at the last detected motion, so that slow motion is detected.
         if abs(guide_now_m - guide_m) >= GUIDE_STEP_M:
             times['guide'], guide_m = passed_s, guide_now_m
         if tendon_now_m - tendon_m >= TENDON_STEP_M:
@@ -234,7 +234,7 @@ def _command() -> None:
     with NodeGroup([node]):
         for _, client in actions.values():
             client.wait_for_server(timeout_sec=START_S)
-        print('ready', flush=True)  # noqa: T201 - the answer to who started this
+        print('ready', flush=True)  # noqa: T201 - read by the parent process
         for line in sys.stdin:
             request = json.loads(line)
             action_type, client = actions[request.pop('do')]

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processor time and memory of the nodes of an idle rig, each in a process of its own.
+"""Processor time and memory of the nodes of an idle rig, each in a separate process.
 
-They are the nodes of ``texture.launch.py`` with its parameters, at a SIMULATED rig where nothing
-moves. With the environment variable ``TACTILE_OTHER_CHECKOUT``, the nodes of another checkout
-that is set up are measured in turns, at the same rig.
+The nodes are those of ``texture.launch.py`` with its parameters. They are connected to a SIMULATED
+rig that does not move. If the environment variable ``TACTILE_OTHER_CHECKOUT`` is set, the nodes of
+another checkout are measured alternately on the same rig.
 """
 
 from __future__ import annotations
@@ -44,25 +44,25 @@ NODES = {
 DEVICES = {'tendon_actuator': 'tendon', 'tendon_sensor': 'sensor', 'linear_guide': 'guide'}
 
 SETTLE_S = 15.0
-"""Time from the start of the nodes to the measurement [s]: imports and discovery end."""
+"""Time from the start of the nodes to the measurement [s], for imports and discovery."""
 
 END_S = 30.0
-"""Longest time from the interrupt to the end of a node [s]."""
+"""Longest time from SIGINT to the end of a node [s]."""
 
 HANG_S = 10.0
-"""The parameter ``hang_timeout_s`` of the tendon's driver [s]: nothing starts it again here, and a
-busy computer may keep it from running for a second."""
+"""Value of the parameter ``hang_timeout_s`` of the tendon actuator [s]. It is long, because on a
+busy computer the node may be suspended for a second, and nothing restarts it here."""
 
 
 class Use(NamedTuple):
-    """What one node uses."""
+    """Resources used by one node."""
 
-    share: float  # processor time of the process and its children by time passed
-    memory_mb: float  # pages that n processes share count as 1/n
+    share: float  # processor time of the process and its children, divided by wall time
+    memory_mb: float  # if n processes share a page, it counts as 1/n
 
 
 def run_rig_nodes(quick: bool) -> Report:
-    """Measure every node, in turns with the other checkout if there is one."""
+    """Measure every node, alternately with another checkout if one is named."""
     other = find_other_checkout()
     rounds, duration_s = (2, 10.0) if quick else (3, 30.0)
     ours, theirs = [], []
@@ -151,7 +151,7 @@ def _spent_s(pid: int) -> float:
 
 
 def _with_children(pid: int) -> list[int]:
-    """Return the process and all processes below it."""
+    """Return a process and all of its descendants."""
     found = [pid]
     for path in Path(f'/proc/{pid}/task').glob('*/children'):
         for child in path.read_text().split():

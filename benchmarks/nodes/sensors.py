@@ -183,7 +183,10 @@ def _write(master: int, rate_hz: int, count: int, sent_s: dict[int, float]) -> N
 
 @contextmanager
 def _running_nodes(domain: int, parameters: list[dict[str, Any]]) -> Iterator[Callable[[], float]]:
-    """Run sensor nodes in a process; yield a function that ends it and returns its load [1]."""
+    """Run sensor nodes in a process.
+
+    Provide a function that ends the process, and returns its processor time divided by wall time.
+    """
     processes = multiprocessing.get_context('spawn')
     load, is_over = processes.Queue(), processes.Event()
     process = processes.Process(target=_serve_nodes, args=(domain, parameters, load, is_over))

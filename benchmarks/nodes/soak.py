@@ -11,9 +11,9 @@ or the process of the fifth finger is killed and restarted.
 
     ./tactile run python -m benchmarks.nodes.soak --minutes 60 --plot soak.png
 
-The exit status is 1 if a sample is unaccounted for, a trial has no window (unless its process was
-killed), a window has no classification, or memory grows by 1 MB per hour or more after the first
-ten minutes.
+The exit status is 1 in each of these cases: a missing sample was not reported; a trial has no
+window, although its process was not killed; a window has no classification; memory grows by 1 MB
+per hour or more after the first ten minutes.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ processes = multiprocessing.get_context('spawn')
 def run_nodes(
     folder: Path, fingers: tuple[str, ...], model: str, domain: int, orders: Any, is_up: Any
 ) -> None:
-    """Run the nodes of some fingers (with the recorder for the first four); execute orders."""
+    """Run the nodes of some fingers, with the recorder for the first four; execute commands."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     descriptions = [
         NodeDescription(name, parameters, namespace=finger)
@@ -119,7 +119,7 @@ class Running:
 
 
 class Hand:
-    """Processes of the nodes, ports of the sensors, and injected faults."""
+    """The processes of the nodes, the ports of the sensors, and the injected faults."""
 
     def __init__(self, folder: Path, model: str, domain: int) -> None:
         self._what = folder, model, domain
@@ -147,7 +147,7 @@ class Hand:
         self._faults[('unplugged', 'taken down', 'killed')[kind]] += 1
 
     def look(self, now_s: float, trial: int) -> None:
-        """Reconnect sensors that are due, and record trials affected by a killed process."""
+        """Reconnect sensors after their time, and note the trials affected by a killed process."""
         if now_s > self._plug_at_s:
             self.ports[self._unplugged].open()
             self._plug_at_s = math.inf
@@ -163,7 +163,7 @@ class Hand:
 
 
 def soak(minutes: float, fault_s: float, folder: Path) -> dict[str, Any]:
-    """Run the soak test; return the series over time and the contents of the recording."""
+    """Run the soak test; return memory and CPU over time, and the contents of the recording."""
     with make_model(CASE) as model, domain_id() as domain, ros_context(int(domain)) as context:
         hand = Hand(folder, model, int(domain))
         node = Node('operator', context=context)
@@ -220,10 +220,10 @@ def _feed(
 
 
 def count_recording(path: Path, trials: int, excused: set[tuple[str, str]]) -> dict[str, int]:
-    """Count the contents of a recording, and the samples that are not accounted for.
+    """Count the contents of a recording, and the missing samples that were not reported.
 
-    Gaps in the sequence numbers must be reported by ``lost_before``, gaps in time by
-    ``lost_before`` or the status. If sequence numbers restart, the process of the sensor was
+    A gap in the sequence numbers must be reported by ``lost_before``, and a gap in time by
+    ``lost_before`` or by the status. If sequence numbers restart, the process of the sensor was
     restarted.
     """
     counts: Counter[str] = Counter()

@@ -34,7 +34,7 @@ PUBLISHED = {
     'texture': (1.0, None, 1.0, None),
     'stiffness': (STIFFNESS_LEAST, STIFFNESS_LEAST, None, STIFFNESS_LEAST),
 }
-"""Accuracies in the text of the paper, in the order of `CLASSIFIERS` [1]; None without number."""
+"""Accuracies in the text of the paper, in the order of `CLASSIFIERS` [1]; None if not stated."""
 
 SMALLEST_P = 1e-16
 
@@ -48,13 +48,13 @@ def main() -> None:
 
 
 def draw_figures(results: Results) -> Figure:
-    """Draw accuracies, mean p-values of components, p-values of holds, and the effect of units."""
+    """Draw accuracies, p-values, and the effect of the unit of force on the RBF SVM."""
     figure = Figure(figsize=(11, 15), layout='constrained')
     top, strip, *rows = figure.subfigures(5, 1, height_ratios=(1.3, 0.08, 0.8, 1.7, 0.9))
     figure.suptitle("SIMULATED: the paper's protocol; no number is a measurement")
     for axes, scaling in zip(top.subplots(1, 2, sharey=True), SCALINGS, strict=True):
         _draw_accuracies(axes, results, scaling)
-    # The legend has a strip below the panels, because bars fill the panels.
+    # The legend is below the panels, because the bars fill the panels.
     strip.legend(*axes.get_legend_handles_labels(), loc='center', ncols=4, fontsize=8)
     for axes, contact in zip(rows[0].subplots(1, 2, sharey=True), CONTACTS, strict=True):
         _draw_mean_p(axes, results['texture', contact], contact)

@@ -60,8 +60,8 @@ def make_trials(
 ) -> Trials:
     """Simulate 60 trials of each label in one session, and compute the paper's features.
 
-    A new mounting starts after ``per_mounting`` trials; with 60, there is one mounting. ``rig`` is
-    YAML that replaces values of the packaged ``rig.yaml``.
+    The object is mounted again after ``per_mounting`` trials; with 60, there is one mounting.
+    ``rig`` is YAML that replaces values of the packaged ``rig.yaml``.
     """
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / 'rig.yaml').write_text(rig, 'utf-8')

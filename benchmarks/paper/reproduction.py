@@ -43,7 +43,8 @@ SEED = 2
 SCALINGS = {'not scaled': False, 'scaled': True}
 RBF = CLASSIFIERS.index('RBF SVM')
 SHOWN_HOLD = 'rubber_shell'
-"""Object of the hold compared with Fig. 7; the paper does not name its object."""
+"""Object of the hold that is compared with Fig. 7. The paper does not name the object of Fig.
+7."""
 
 UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
 """Units of force, and number of units per newton."""
@@ -85,7 +86,7 @@ def reproduce(repetitions: int = REPETITIONS) -> dict[tuple[str, str], Result]:
 
 
 def run_paper(quick: bool) -> Report:
-    """Reproduce the results of the paper; with ``quick``, cross-validation is run once."""
+    """Reproduce the results of the paper; if ``quick``, without repeated cross-validation."""
     repetitions = 1 if quick else REPETITIONS
     results = reproduce(repetitions)
     protocol = (
@@ -196,9 +197,11 @@ def _list_scaling_causes(results: dict[tuple[str, str], Result]) -> list[Row]:
 
 
 def find_scaling_cause(trials: Trials) -> tuple[FloatArray, dict[str, float]]:
-    """Return the share of each feature in the squared distance, and accuracies of the RBF SVM [1].
+    """Return why the RBF SVM needs scaling.
 
-    The accuracies are for unscaled features, by unit of force.
+    The first value is the fraction that each feature contributes to the squared distance between
+    trials [1]. The second value has the accuracies of the RBF SVM for unscaled features [1]; the
+    keys are units of force.
     """
     variances = trials.values.var(axis=0)
     accuracies = {}

@@ -28,9 +28,9 @@ SEEDS = tuple(range(1, 21))
 class Setting:
     """Settings of simulation and classification.
 
-    A new mounting starts after ``per_mounting`` trials. ``rig`` replaces values of the packaged
-    ``rig.yaml``. ``newton`` is the number of units of force per newton, for example 1000 for
-    features in millinewtons. See `cross_validate` for ``gamma`` and ``scaled``.
+    The object is mounted again after ``per_mounting`` trials. ``rig`` is YAML that replaces values
+    of the packaged ``rig.yaml``. ``newton`` is the number of units of force per newton, for
+    example 1000 for features in millinewtons. For ``gamma`` and ``scaled`` see `cross_validate`.
     """
 
     name: str

@@ -3,8 +3,8 @@
 
 """Numbers and statements in the text of the paper, and rules for agreement with them.
 
-Numbers in the figures of the paper are not used. If the text contains a word instead of a number
-("dramatically lower"), the rule states our interpretation.
+Numbers that are only in the figures of the paper are not used. If the text contains a word instead
+of a number ("dramatically lower"), the rule states our interpretation.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ BEST = {
     ('stiffness', 'flexion'): 0.994,
     ('stiffness', 'abduction'): 0.997,
 }
-"""Best accuracy of each set [1], assuming this order of the four numbers in section I."""
+"""Best accuracy of each set [1]. Section I of the paper has four numbers; this order is
+assumed."""
 
 CLASSIFIERS = {
     'texture': ('100', 'lower', '100', 'high'),
@@ -51,7 +52,7 @@ HOLD = (-0.90, 12.62, -0.99)
 """Slope [N/s], intercept [N] and correlation of the flexion trial of Fig. 7."""
 
 EXCUSED = {'correlation pla/solid_rubber', 'correlation pla/rubber_shell'}
-"""Pairs of objects that do not differ in the paper either."""
+"""Features and pairs of objects that do not differ in the paper either."""
 
 
 class Statement(NamedTuple):
@@ -145,7 +146,7 @@ def measure_alike(task: str, trials: Trials) -> float:
 
 
 def find_alike(trials: Trials) -> set[str]:
-    """Return stiffness features and pairs of objects with p above 0.05 as text."""
+    """Return stiffness features and pairs of objects with p above 0.05, as texts."""
     found = rank_sum_p_values(trials.values, trials.labels)
     return {
         f'{name} {found.labels[j]}/{found.labels[i]}'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Windows of simulated sessions: a few for training, many for testing."""
+"""Windows of simulated sessions: a few sessions for training, and many for testing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactile_sim.physics.trials import simulate_trials
 Array = NDArray[np.float64]
 
 FIRST_SEED = 2000
-"""Seeds; other seeds were used to choose between methods."""
+"""Seeds of the simulation. Methods were chosen with other seeds."""
 
 TRAIN = 6
 TRAIN_TRIALS, TEST_TRIALS = 8, 4

@@ -35,8 +35,9 @@ _POINT_KG_M2 = 1e-12  # MuJoCo requires moments of inertia above zero
 class TwinContact:
     """The plate under the finger in one trial.
 
-    The tip touches height 0 of the surface at a drop of ``clearance_m``. The clamp of the finger
-    is at ``offset_m`` on the surface if the guide is at position 0 [m].
+    ``clearance_m`` is the drop of the tip at which it touches the surface at height 0 [m].
+    ``offset_m`` is the position of the clamp of the finger along the surface when the guide is at
+    position 0 [m].
     """
 
     surface: Surface
@@ -46,7 +47,7 @@ class TwinContact:
 
 
 class TipState(NamedTuple):
-    """Forces of the plate on the tip, sticking position, and compression of the rubber."""
+    """Forces of the plate on the tip, position of sticking, and compression of the rubber."""
 
     normal_n: float
     friction_n: float
@@ -56,11 +57,11 @@ class TipState(NamedTuple):
 
 @dataclass(frozen=True)
 class TwinResult:
-    """One simulated trial: start of each step, with tension and vertical force on the tip.
+    """One simulated trial: time, tension and vertical force on the tip at the start of each step.
 
-    ``elapsed_s`` is the time of the whole loop, with the contact computed in Python.
-    ``step_elapsed_s`` is the time of the same number of MuJoCo steps with constant forces [s of
-    one core].
+    ``elapsed_s`` is the processor time of the whole loop, in which the contact is computed in
+    Python. ``step_elapsed_s`` is the processor time of the same number of MuJoCo steps with
+    constant forces [s of one core].
     """
 
     times_s: FloatArray
@@ -116,10 +117,10 @@ def _write_inertial(place_m: float, mass_kg: float, inertia_kg_m2: float) -> str
 def compute_chain_tip(finger: Finger, bend_rad: float, hinges: int) -> tuple[float, float]:
     """Return drop and reach of the tip of the chain with equal hinge angles [m].
 
-    The distance from the tip of an arc decreases with 1 / hinges^2. With 11 hinges it is 9
-    micrometres in drop and 25 in reach. On steep grooves this changes samples of the tension by up
-    to a fifth of their alternating part. For a comparison, the plate must therefore have the same
-    position relative to the tip of the chain as to the tip of the arc.
+    The distance between this tip and the tip of an arc decreases with 1 / hinges^2. With 11
+    hinges, it is 9 micrometres in drop and 25 micrometres in reach. On steep grooves, this changes
+    samples of the tension by up to a fifth of their alternating part. Therefore, in a comparison
+    the plate must be placed relative to the tip of the chain.
     """
     slope_rad = bend_rad * np.arange(hinges + 1) / hinges
     share_m = np.full(hinges + 1, finger.length_m / hinges)

@@ -201,14 +201,15 @@ def measure_share(case: Case, checkout: Path | None, duration_s: float) -> float
 
 
 def run_rig_cpu(quick: bool) -> Report:
-    """Measure every case, in turns with the other checkout where one is named."""
+    """Measure every case, alternately with another checkout if one is named."""
     other = find_other_checkout()
     rounds, duration_s = (2, 2.0) if quick else (4, 4.0)
     rows = []
     for name, case in CASES.items():
         shares: list[tuple[float, float | None]] = []
         for _ in range(rounds):
-            # The other checkout may need numba.
+            # The cases without numba are measured only for this checkout; the other one may need
+            # numba.
             theirs = None
             if other is not None:
                 theirs = measure_share(case._replace(has_numba=True), other, duration_s)

@@ -35,7 +35,7 @@ from tactile_sim.physics.variation import draw_variation, make_generator
 FloatArray = NDArray[np.float64]
 
 CLASSIFIER = 'knn'
-_GLIDE_S = 4.2  # long enough for the window at all speeds
+_GLIDE_S = 4.2  # duration of the glide, long enough for the window at all speeds
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Setting:
 
     @property
     def motion(self) -> tuple[float | None, float]:
-        """Values that define the motion; other values need a new simulation."""
+        """Values that define the motion. If they differ, the motion must be simulated again."""
         return self.glide_speed_m_s, self.depth
 
 
@@ -191,7 +191,10 @@ def _configure(study: Study, setting: Setting) -> TrialConfig:
 
 
 class CleanTrials:
-    """Motion of several trials of one label in one session, for use with several sensors."""
+    """Simulated motion of several trials of one label in one session.
+
+    Several sensors can be applied to the same motion.
+    """
 
     def __init__(
         self,

@@ -26,7 +26,7 @@ from tactile_sim.physics.trials import STEPS_PER_SAMPLE
 STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
 REFERENCE_STEPS = 160
 BOUND_PERCENT = 2.5
-"""Bound of the error of the sensor signal; the error of the tension is reported separately."""
+"""Bound of the error of the sensor signal. The error of the tension is only reported."""
 
 
 def run_simulator(quick: bool) -> Report:

@@ -44,14 +44,14 @@ DENSE = STEPS_PER_SAMPLE
 comparing only samples would test the same few positions of each groove."""
 
 HINGES, FEW_HINGES = 22, 11
-"""Number of hinges for the comparison of errors, and of speed."""
+"""Numbers of hinges: for the comparison of errors, and for the comparison of speed."""
 
 REFERENCE_STEPS = 16
 FINE_S = 5e-5
 SPEED_STEPS_S = (1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
 SPEED_FINE_S = 2e-5
 OUR_FACTORS = (1, 2, 3, 4, 6)
-"""Multiple of the default number of steps."""
+"""Number of steps of the fine simulation, as a multiple of the default."""
 
 BATCH = 64
 
@@ -65,7 +65,7 @@ class Tensions(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Match:
-    """One flexion trial up to the end of its window, with settings supported by both simulators.
+    """One flexion trial up to the end of its window, with settings that both simulators support.
 
     The scene has no tendon friction and no creep. ``window`` refers to `DENSE` values per sample.
     """
@@ -85,7 +85,7 @@ class Match:
         return Tensions(tension_n, motion.sensed_n[0, self.window])
 
     def simulate_twin(self, step_s: float, hinges: int = FEW_HINGES) -> TwinResult:
-        """Simulate the trial in MuJoCo; the plate has the same position relative to the tip."""
+        """Simulate the trial in MuJoCo, with the same position of the plate under the tip."""
         finger = self.scene.finger
         drop_m, reach_m = compute_chain_tip(finger, math.radians(finger.contact_bend_deg), hinges)
         offset_m = self.scene.lead_m - self.scene.guide_m - reach_m
