@@ -21,6 +21,7 @@ setup(
         'numpy>=1.26',
         'pandas>=2.1',
         'pyarrow',
+        'scipy>=1.11',
     ],
     extras_require={'test': ['pytest']},
     zip_safe=True,

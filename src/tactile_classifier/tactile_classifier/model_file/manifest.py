@@ -196,9 +196,9 @@ def _check_fields(kind: type, entries: Mapping[str, Any], where: str = '') -> No
     types = get_type_hints(kind)
     for name, expected in types.items():
         value = entries.get(name)
-        is_number = isinstance(value, int | float)
+        is_allowed = not isinstance(value, int | float) or -1 <= value < math.inf
         is_of_type = type(value) is _IN_JSON.get(get_origin(expected) or expected, expected)
-        if not is_of_type or (is_number and not -1 <= value < math.inf):
+        if not (is_of_type and is_allowed):
             raise ModelFileError(f'its manifest has no valid entry "{name}"{where}')
     if unknown := sorted(set(entries) - set(types)):
         raise ModelFileError(f'its manifest has the unknown entry "{unknown[0]}"{where}')
