@@ -47,19 +47,28 @@ def _build_section(path: Path, kind: str) -> str:
 
 
 def _parse(text: str) -> tuple[str, list[str], list[str]]:
-    """Return the comment above the first field, and the rows of fields and constants."""
+    """Return the comment above the first field, and the rows of fields and constants.
+
+    The comment of a constant may stand above it.
+    """
     about: list[str] = []
     fields: list[str] = []
     constants: list[str] = []
-    for line in filter(None, map(str.strip, text.splitlines())):
+    above: list[str] = []  # comment lines since the last blank line, field or constant
+    for line in map(str.strip, text.splitlines()):
+        if not line:
+            above = []
+            continue
         if line.startswith('#'):
+            above.append(line.lstrip('# '))
             if not fields and not constants:
-                about.append(line.lstrip('# '))
+                about.append(above[-1])
             continue
         match = _FIELD.match(line)
         if match is None:
             raise ValueError(f'cannot read {line!r}')
-        meaning = match['comment'] or ''
+        meaning = match['comment'] or ' '.join(above).rstrip('.')
+        above = []
         if match['value'] is None:
             fields.append(f'| `{match["name"]}` | {match["type"]} | {meaning} |')
         else:

@@ -46,6 +46,13 @@ class _Loader(_Safe):
 
 _EXPONENT = re.compile(r'[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+\Z')
 _Loader.add_implicit_resolver('tag:yaml.org,2002:float', _EXPONENT, list('-+.0123456789'))
+
+
+class Dumper(yaml.SafeDumper):
+    """The safe dumper, which also quotes texts that `load_yaml` would read as numbers: ``1e3``."""
+
+
+Dumper.add_implicit_resolver('tag:yaml.org,2002:float', _EXPONENT, list('-+.0123456789'))
 _Loader.add_constructor(
     'tag:yaml.org,2002:int', lambda loader, node: loader.number(node, _Safe.construct_yaml_int)
 )

@@ -20,7 +20,7 @@ import yaml
 from tactile_bringup.trial_protocols import PROTOCOLS
 from tactile_classifier.types import CONTACTS
 from tactile_ros.errors import TactileError
-from tactile_ros.yaml_files import load_yaml, read_text
+from tactile_ros.yaml_files import Dumper, load_yaml, read_text
 
 MAX_BYTES = 2**20
 """Largest file of a plan or an order [byte]; about 10,000 trials."""
@@ -241,7 +241,7 @@ def format_plan(plan: ExperimentPlan) -> str:
     for item, comment in comments.items():
         value = getattr(plan, item)
         value = list(value) if isinstance(value, tuple) else value
-        text = yaml.safe_dump([value], default_flow_style=True, width=math.inf).strip()
+        text = yaml.dump([value], Dumper=Dumper, default_flow_style=True, width=math.inf).strip()
         lines.append(f'{item}: {text[1:-1]}'.ljust(40) + f'  # {comment}')
     return '\n'.join(lines) + '\n'
 

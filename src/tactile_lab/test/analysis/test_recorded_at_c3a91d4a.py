@@ -49,7 +49,7 @@ def as_dict(message):
     return {
         name: as_dict(value) if hasattr(value, '__msgtype__') else np.asarray(value).tolist()
         for name, value in vars(message).items()
-        if name != '__msgtype__'
+        if name != '__msgtype__' and not name.isupper()
     }
 
 
