@@ -228,7 +228,7 @@ class TrialSet:
         excluded = [
             f'excluded: trial {trial.name}: {trial.why_not}'
             for trial in self.trials
-            if trial.why_not and not trial.is_faulty and not self.is_own
+            if trial.is_excluded
         ]
         return [*first, *self._found.lines, *self._steps, *excluded]
 
@@ -298,7 +298,9 @@ class TrialSet:
         mask = self._find_mask(where, 'exclude')
         return self._change(
             [
-                replace(trial, why_not=why, is_faulty=False) if is_chosen else trial
+                replace(trial, why_not=why, is_faulty=False, is_excluded=True)
+                if is_chosen
+                else trial
                 for trial, is_chosen in zip(self, mask, strict=True)
             ]
         )
@@ -348,7 +350,7 @@ class TrialSet:
         return mask
 
     def _change(self, trials: Sequence[Trial], *steps: str, is_changed: bool = True) -> TrialSet:
-        """Return a set with these trials; ``steps`` describe what was done."""
+        """Return a set with these trials; ``steps`` describe the processing."""
         found = copy(self)
         found.trials = tuple(trials)
         found.is_changed = self.is_changed or is_changed
@@ -403,6 +405,9 @@ class TrialSet:
         steps = []
         if self._found.rate_from_stamps:
             steps.append(f'rate: {rate_hz:g} Hz, from the stamps')
+        names = {name for trial in included for name in trial.columns} - {'label'}
+        if lost := sorted(n for n in names if any(n not in t.columns for t in included)):
+            steps.append(f'omitted, because some trials lack it: {", ".join(lost)}')
         filled = sum(signals[id(t)].values is not t.signal.values for t in included)
         if filled:
             steps.append(

@@ -66,9 +66,9 @@ class Trial:
         Namespace of the finger, for bags of this package.
     why_not : str
         Reason why the trial is excluded from training and evaluation; empty if it is included.
-    is_faulty : bool
-        True if ``why_not`` describes a fault of the samples; False if the trial was excluded on
-        purpose, aborted, or has no label.
+    is_faulty, is_excluded : bool
+        True if ``why_not`` describes a fault of the samples, or states why the trial was excluded
+        from a set of trials. Both are False for trials that were aborted or have no label.
     columns : dict
         All known properties of the trial. The keys are names of columns.
     events : tuple of TrialEvent
@@ -87,6 +87,7 @@ class Trial:
     namespace: str = ''
     why_not: str = ''
     is_faulty: bool = False
+    is_excluded: bool = False
     columns: Mapping[str, Any] = field(default_factory=dict)
     events: tuple[TrialEvent, ...] = ()
     begin_ns: int | None = None

@@ -14,7 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.datasets.feature_tables import compute_tables, Key, name_table, needs_speed
+from tactile_analysis.datasets.feature_tables import (
+    compute_tables,
+    join_tables,
+    Key,
+    name_table,
+    needs_speed,
+)
 from tactile_analysis.datasets.reading import Reading, select_features
 from tactile_analysis.trial_set import TrialSet
 from tactile_analysis.wording import format_nested, name_candidate
@@ -112,7 +118,7 @@ def choose_automatically(
             of_keys, columns, folds, random_state, repetitions, must_hold_out=must_hold_out
         ):
             parts = [of_keys[key] for key in partners]
-            pooled = {name: _pool([part[name] for part in parts]) for name in parts[0]}
+            pooled = {name: join_tables([part[name] for part in parts]) for name in parts[0]}
             plan = ChoicePlan(pooled, split, random_state, scaling, _number_parts(parts))
             joined.append((partners, plan, held_out))
     found = run_plans([plan for _, plan, _ in joined], -1, progress)
@@ -172,21 +178,6 @@ def _list_partners(tables: Mapping[Key, Tables]) -> list[list[Key]]:
     return list(partners.values())
 
 
-def _pool(tables: Sequence[FeatureTable]) -> FeatureTable:
-    """Concatenate the trials of several tables; keep the columns that all tables have."""
-    first = tables[0]
-    return FeatureTable(
-        np.concatenate([table.values for table in tables]),
-        np.concatenate([table.labels for table in tables]),
-        first.spec,
-        {
-            name: np.concatenate([table.columns[name] for table in tables])
-            for name in first.columns
-            if all(name in table.columns for table in tables)
-        },
-    )
-
-
 def _number_parts(parts: Sequence[Tables]) -> NDArray[np.intp]:
     return np.repeat(np.arange(len(parts)), [len(next(iter(part.values()))) for part in parts])
 
@@ -207,7 +198,7 @@ def _divide(
     """Return common folds of all tables, or separate folds if only some allow held-out groups."""
     keys = list(tables)
     # A model is trained on the labels of one contact only.
-    table = _pool([_name_labels(key, tables[key]) for key in keys])
+    table = join_tables([_name_labels(key, tables[key]) for key in keys])
     try:
         return [(keys, *_hold_out(table, columns))]
     except EvaluationError:  # only one session, or no sessions recorded

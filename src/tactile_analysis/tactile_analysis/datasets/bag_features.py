@@ -163,7 +163,7 @@ def _collect(
             trial = trials.find_window(*place, window.window_start_ns)
             if trial is None:
                 continue
-            excluded = trial.why_not
+            excluded = trial.why_not if trial.is_excluded else ''
             event = replace(event, object_label=trial.label)
         end = _end_after(window, events[window.trial_id])
         # The task follows from the features: a trial may have a window of the other protocol.

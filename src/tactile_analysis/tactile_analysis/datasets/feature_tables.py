@@ -188,6 +188,18 @@ def _compute_table(trials: TrialSet, reading: Reading, fields: Fields) -> Featur
     )
 
 
+def join_tables(tables: Sequence[FeatureTable]) -> FeatureTable:
+    """Concatenate the trials of several tables; keep the columns that all tables have."""
+    first = tables[0]
+    names = [name for name in first.columns if all(name in table.columns for table in tables)]
+    return FeatureTable(
+        np.concatenate([table.values for table in tables]),
+        np.concatenate([table.labels for table in tables]),
+        first.spec,
+        {name: np.concatenate([table.columns[name] for table in tables]) for name in names},
+    )
+
+
 def needs_speed(reading: Reading) -> bool:
     """Return True if sliding speeds of the trials of files are needed or stated."""
     config = FeatureConfig(**reading.choose_fields())

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_analysis.datasets.feature_tables import compute_tables, prepare
+from tactile_analysis.datasets.feature_tables import compute_tables, join_tables, prepare
 from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.trial_set import TrialSet
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -239,21 +239,7 @@ def _read_table(
     tables, left_out = compute_tables(trials, reading, spec.config_values())
     for table in tables.values():
         model.check_fits(table.spec)
-    return _join(list(tables.values())), left_out
-
-
-def _join(tables: list[FeatureTable]) -> FeatureTable:
-    """Concatenate the trials of all contacts."""
-    first, *others = tables
-    if not others:
-        return first
-    names = set(first.columns).intersection(*(other.columns for other in others))
-    return FeatureTable(
-        np.concatenate([table.values for table in tables]),
-        np.concatenate([table.labels for table in tables]),
-        first.spec,
-        {name: np.concatenate([table.columns[name] for table in tables]) for name in names},
-    )
+    return join_tables(list(tables.values())), left_out
 
 
 def _of_contact(table: FeatureTable, models: Sequence[TactileModel]) -> FeatureTable:

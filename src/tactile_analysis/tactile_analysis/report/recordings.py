@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One set of labelled trials as the report needs it: features, and some of the signals."""
+"""Sets of trials for the evaluation: table of features, choice, splits and example signals."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
 
 MOUNTINGS = ('mounting_id', 'mounting')
-"""Names of columns of mountings, in small letters."""
+"""Names of columns of mountings, in lower case."""
 
 SPECIMENS = ('specimen_id', 'specimen')
-"""Names of columns of specimens, in small letters."""
+"""Names of columns of specimens, in lower case."""
 
 
 @dataclass(frozen=True)
@@ -45,23 +45,25 @@ class RecordingSet:
     Attributes
     ----------
     title : str
-        Task, contact or source, and whether it is simulated.
+        Task, contact or source, and ``simulated`` if a trial is simulated.
     contact : str
-        Empty if there is none, as in an archive.
+        Flexion or abduction; empty if it is unknown, as in an archive.
     hold_out : tuple of tuple of str
-        Columns of each grouped split; random folds are evaluated, too.
+        Columns of each grouped split. Random folds are evaluated as well.
     unit : str
         Unit of the signal; ``raw`` if it is unknown.
     examples : tuple of Example
-        One per label.
+        The first trial of each label.
     splits : tuple of Split
-        Stated trials to train on and to test on.
+        The split into training and test trials, if the user selected them.
     skipped, steps : tuple of str
         One sentence for each unusable trial, and the preparation of the signals.
     choice : Chosen or None
         Features and classifier that `tactile train` would choose.
     not_done : tuple of str
-        One sentence for each usual split that the trials do not allow.
+        One sentence for each default split that the trials do not allow.
+    answers : bool
+        If True, the rejection of unknown objects is evaluated as well.
     """
 
     title: str
@@ -79,7 +81,10 @@ class RecordingSet:
     answers: bool = False
 
     def format_preparation(self, most: int | None = None) -> list[str]:
-        """Return the preparation of the signals and at most ``most`` skipped trials, in words."""
+        """Return sentences on the preparation of the signals and the first skipped trials.
+
+        ``most`` limits the number of skipped trials that are listed.
+        """
         lines = list(self.steps)
         if self.skipped:
             lines.append(f'skipped {len(self.skipped)} trials:')
@@ -103,17 +108,20 @@ def make_sets(
 
     Parameters
     ----------
+    trials : TrialSet
+        Trials after `prepare`.
+    reading : Reading
+        Task, channel and features.
     chosen : mapping
         The choice for each set.
     hold_out : sequence of sequence of str
-        Columns of the grouped splits. Empty: one session is held out where there are several that
-        have all labels, one block of trials where not, one mounting, and one specimen.
+        Columns of the grouped splits. Default: see `usual_splits`.
     of_choice : bool
-        Tables have the features of the chosen set instead of the recorded ones.
+        If True, tables have the features of the chosen set instead of the recorded ones.
     report : bool
-        Also signals.
+        If True, example signals are read for the figures.
     answers : bool
-        Unknown objects are evaluated, too.
+        If True, the rejection of unknown objects will be evaluated.
     """
     whole = {key: each.table for key, each in chosen.items()}
     if not of_choice:
@@ -150,7 +158,11 @@ def make_sets(
 
 
 def usual_splits(table: FeatureTable) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Return the columns of each split, and a sentence for each that cannot be done."""
+    """Return the columns of each default split, and a sentence for each impossible split.
+
+    One session is held out if there are several that have all labels; otherwise one block of
+    trials. In addition, one mounting and one specimen are held out, if they are recorded.
+    """
     not_done: list[str] = []
 
     def can_hold_out(column: str) -> bool:

@@ -275,7 +275,7 @@ def name_labels(
 
 
 def _find_shared_word(folders: Sequence[str]) -> str:
-    """Return the group word of several folders, such as day1 and day2; empty: they share none."""
+    """Return the group word of several folders, such as day1 and day2, or an empty string."""
     words = {find_group_word(name) for name in folders}
     return words.pop() if len(words) == 1 and len(set(folders)) > 1 else ''
 

@@ -210,9 +210,9 @@ def choose_rate(trials: Sequence[Trial]) -> float:
         raise SourceError(f'{who} no times, so the sample rate is unknown: --rate-hz')
     groups = _group_by_rate(np.array(rates, dtype=np.float64))
     if len(groups) > 1:
-        told = _format_rates([(rate, [trials[i] for i in rows]) for rate, rows in groups])
+        named = _format_rates([(rate, [trials[i] for i in rows]) for rate, rows in groups])
         raise SourceError(
-            f'the trials have different rates: {told}; use recordings of one rate at a time'
+            f'the trials have different rates: {named}; use recordings of one rate at a time'
         )
     return groups[0][0]
 

@@ -370,3 +370,26 @@ def test_columns_in_newtons_are_proposed_as_channels(tmp_path):
     path.write_text('time_s,fx_N,fy_N,speed\n0,1,2,3\n0.01,2,3,3\n')
     with pytest.raises(SourceError, match='--force-column "fx_N,fy_N" for 2 channels'):
         TrialSet.load(path)
+
+
+def test_columns_that_some_trials_lack_are_named_and_not_saved(tmp_path):
+    folder = write_tables(tmp_path / 'lab', '.csv')
+    first = folder / 'pla' / '0.csv'
+    lines = first.read_text().splitlines()
+    first.write_text('\n'.join([f'{lines[0]},speed_mm_s', *(f'{line},3' for line in lines[1:])]))
+    trials = TrialSet.load(folder)
+    assert trials.columns['speed_mm_s'].tolist() == [3, None, None, None]
+    trials.save(tmp_path / 'a.npz')
+    assert 'speed_mm_s' not in Archive(tmp_path / 'a.npz').columns
+    assert 'omitted, because some trials lack it: speed_mm_s' in trials.even().notes
+
+
+def test_windows_have_groups_and_the_same_samples_as_the_signals(tmp_path):
+    trials = TrialSet.load(write_archive(tmp_path / 'a.npz', unit='N'))
+    x, y, groups = trials.crop(0.05, 0.25).windows('session')
+    assert x.shape == (6, 2, 20)
+    assert groups.tolist() == ['a', 'b', 'c'] * 2
+    assert y.tolist() == [trial.label for trial in trials]
+    for row, trial in zip(x, trials, strict=True):
+        np.testing.assert_array_equal(row, trial.signal.values[:, 5:25])
+    assert trials.windows()[2] is None

@@ -51,7 +51,7 @@ def import_recordings(
     archive. Nothing is guessed: if information is missing, the message names the option to add it.
     """
     from tactile_analysis import TrialSet
-    from tactile_analysis.sources.signals import shared_columns
+    from tactile_analysis.sources.signals import join_columns
 
     output = Output(as_json)
     refuse_suffix('--output', archive, ['.npz'])
@@ -70,8 +70,8 @@ def import_recordings(
     with named_errors('write', archive):
         trials.save(archive)
     output.say(*trials.notes, *(f'left out: {sentence}' for sentence in trials.skipped))
-    included, columns = trials.included, shared_columns(trials.included)
-    labels = [trial.label for trial in included]
+    included, columns = trials.included, join_columns(trials.name_trials())
+    labels = columns.pop('label').tolist()
     found = dict(sorted(Counter(labels).items()))
     names, rate_hz, unit = included[0].signal.channels, trials.rate_hz, trials.unit
     counts = [trial.signal.values.shape[1] for trial in included]
