@@ -203,17 +203,18 @@ class TrialSet:
 
     @property
     def unit(self) -> str:
-        """Unit of all signals; empty if unknown or not the same for all."""
-        return 'N' if self.is_own else _find_common([t.signal.unit for t in self.trials]) or ''
+        """Unit of all included signals; empty if unknown or not the same for all."""
+        trials = self.included or self.trials
+        return 'N' if self.is_own else _find_common([t.signal.unit for t in trials]) or ''
 
     @property
     def rate_hz(self) -> float | None:
-        """Sample rate of all trials [Hz]; None if unknown or not the same for all."""
+        """Sample rate of all included trials [Hz]; None if unknown or not the same for all."""
         if self.is_own and not self._is_even:
             return _find_common(
                 [bag.rate_hz(namespace) for bag in self.bags for namespace in bag.namespaces]
             )
-        return _find_common([trial.signal.rate_hz for trial in self.trials])
+        return _find_common([trial.signal.rate_hz for trial in self.included or self.trials])
 
     @property
     def notes(self) -> list[str]:

@@ -324,7 +324,10 @@ def test_a_trial_with_a_pause_does_not_count_and_is_not_written(tmp_path):
         '',
     ]
     assert set(recording.to_table()['trial'].to_pylist()) == {'0', '2'}
-    assert [trial.name for trial in recording.even(skip_bad=True).included] == ['0', '2']
+    even = recording.even(skip_bad=True)
+    assert [trial.name for trial in even.included] == ['0', '2']
+    assert even.rate_hz == 100.0
+    assert even.resample(50.0).windows()[0].shape == (2, 1, 30)
 
 
 def write_holds(folder, *names):
