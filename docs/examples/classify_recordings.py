@@ -13,7 +13,7 @@ import numpy as np
 
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_analysis import compute_tables, Reading, TrialSet
+from tactile_analysis import compute_tables, FeatureOptions, TrialSet
 from tactile_classifier import evaluate, load_model, train, write_model
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue
@@ -49,7 +49,7 @@ np.savez(folder / 'trials.npz', x=np.array(tensions)[:, None, :], label=labels, 
 #
 # Each trial is one window of two seconds. The live node computes the same features.
 trials = TrialSet.load(folder / 'trials.npz')
-tables, left_out = compute_tables(trials, Reading(task='texture'))
+tables, left_out = compute_tables(trials, FeatureOptions(task='texture'))
 (table,) = tables.values()
 print(len(table), 'trials,', table.values.shape[1], 'features, such as', table.spec.names[1])
 

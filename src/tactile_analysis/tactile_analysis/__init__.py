@@ -6,7 +6,7 @@
 For example::
 
     from pathlib import Path
-    from tactile_analysis import classify_recording, compute_tables, Reading, TrialSet
+    from tactile_analysis import classify_recording, compute_tables, FeatureOptions, TrialSet
 
     trials = TrialSet.load('bags')  # or CSV, Parquet, .npy, .npz; see `SourceOptions`
     trials.to_frame()  # label, session, source and so on, one row per trial
@@ -33,7 +33,7 @@ _HOMES = {
     'ClassifiedTrial': 'tactile_analysis.datasets.classified',
     'ClassifiedTrials': 'tactile_analysis.datasets.classified',
     'ModelEvaluation': 'tactile_analysis.datasets.model_accuracy',
-    'Reading': 'tactile_analysis.datasets.reading',
+    'FeatureOptions': 'tactile_analysis.datasets.feature_options',
     'TrialSet': 'tactile_analysis.trial_set',
     'RecordingSet': 'tactile_analysis.report.recordings',
     'SetResult': 'tactile_analysis.report.analysis',

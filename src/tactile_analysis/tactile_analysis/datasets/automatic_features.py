@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_analysis.datasets.feature_options import FeatureOptions, select_features
 from tactile_analysis.datasets.feature_tables import (
     compute_tables,
     join_tables,
@@ -21,7 +22,6 @@ from tactile_analysis.datasets.feature_tables import (
     name_table,
     needs_speed,
 )
-from tactile_analysis.datasets.reading import Reading, select_features
 from tactile_analysis.trial_set import TrialSet
 from tactile_analysis.wording import format_nested, name_candidate
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -65,7 +65,7 @@ class Chosen:
 
 def choose_automatically(
     trials: TrialSet,
-    reading: Reading,
+    options: FeatureOptions,
     folds: int,
     random_state: int,
     say: Say,
@@ -86,7 +86,7 @@ def choose_automatically(
     Parameters
     ----------
     trials : TrialSet
-    reading : Reading
+    options : FeatureOptions
         Task, channel and features; selection of training trials.
     folds, random_state : int
         Number and seed of random folds, which are used if no groups can be held out. The number
@@ -107,11 +107,11 @@ def choose_automatically(
     progress : callable
         Called as ``progress(done, total)`` after each part of the work.
     """
-    tables = _read_all(trials, reading, say) if any_set else _read_stated(trials, reading)
+    tables = _read_all(trials, options, say) if any_set else _read_stated(trials, options)
     joined = []
     for keys in _list_partners(tables):
         of_keys = {
-            key: {name: reading.training(table) for name, table in tables[key].items()}
+            key: {name: options.training(table) for name, table in tables[key].items()}
             for key in keys
         }
         for partners, split, held_out in _divide(
@@ -122,16 +122,16 @@ def choose_automatically(
             plan = ChoicePlan(pooled, split, random_state, scaling, _number_parts(parts))
             joined.append((partners, plan, held_out))
     found = run_plans([plan for _, plan, _ in joined], -1, progress)
-    of_these = f'; chosen on trials with {reading.train_where}' if reading.train_where else ''
+    of_these = f'; chosen on trials with {options.train_where}' if options.train_where else ''
     chosen = {}
     for (partners, plan, held_out), choices in zip(joined, found, strict=True):
         kinds = ' and '.join(', '.join(filter(None, key[:2])) for key in partners)
         for sentence in (*choices[0].left_out, *filter(None, [plan.no_choice])):
             say(f'{kinds}: {sentence}')
         for key, choice in zip(partners, choices, strict=True):
-            table = reading.keep_stated(tables[key][choice.chosen.feature_set])
+            table = options.keep_stated(tables[key][choice.chosen.feature_set])
             say(f'{name_table(key, table)}: {format_choice(choice)}{of_these}')
-            chosen[key] = Chosen(table, choice, held_out, reading.splits(table))
+            chosen[key] = Chosen(table, choice, held_out, options.splits(table))
     return chosen
 
 
@@ -250,15 +250,17 @@ def find_sessions(table: FeatureTable) -> tuple[str, ...]:
     return ()
 
 
-def _read_stated(trials: TrialSet, reading: Reading) -> dict[Key, dict[str, FeatureTable]]:
-    tables, _ = compute_tables(trials, reading)
-    found = {key: select_features(table, reading.features) for key, table in tables.items()}
+def _read_stated(trials: TrialSet, options: FeatureOptions) -> dict[Key, dict[str, FeatureTable]]:
+    tables, _ = compute_tables(trials, options)
+    found = {key: select_features(table, options.features) for key, table in tables.items()}
     for table in found.values():
         check_size(table)
     return {key: {table.spec.feature_set: table} for key, table in found.items()}
 
 
-def _read_all(trials: TrialSet, reading: Reading, say: Say) -> dict[Key, dict[str, FeatureTable]]:
+def _read_all(
+    trials: TrialSet, options: FeatureOptions, say: Say
+) -> dict[Key, dict[str, FeatureTable]]:
     """Return the tables of all feature sets that have features for the same trials.
 
     Feature sets over distance are left out without a message if no sliding speeds are recorded.
@@ -267,7 +269,7 @@ def _read_all(trials: TrialSet, reading: Reading, say: Say) -> dict[Key, dict[st
     sets = (list_feature_sets(PHASE_GLIDE), list_feature_sets(PHASE_HOLD))
     for glide, hold in zip_longest(*sets):
         is_spatial = glide and getattr(find_feature_set(glide), 'needs_speed', False)
-        has_speeds = trials.is_own or needs_speed(reading)
+        has_speeds = trials.is_own or needs_speed(options)
         if is_spatial and not (has_speeds and _state_speeds(tables)):
             if hold is None:
                 continue
@@ -277,7 +279,7 @@ def _read_all(trials: TrialSet, reading: Reading, say: Say) -> dict[Key, dict[st
             'stiffness_features': hold or sets[1][0],
         }
         try:
-            found, left_out = compute_tables(trials, reading, fields)
+            found, left_out = compute_tables(trials, options, fields)
         except DatasetError as error:
             say(f'left out: {error}')
             continue

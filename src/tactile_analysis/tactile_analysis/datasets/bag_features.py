@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_analysis.datasets.feature_options import FeatureOptions
 from tactile_analysis.datasets.feature_tables import (
     Fields,
     Key,
     Tables,
 )
-from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.trial_set import TrialSet
 from tactile_bags.errors import BagError
 from tactile_bags.experiment_journal import Correction
@@ -46,10 +46,10 @@ Row = tuple[FeatureWindow, TrialEvent, str, str]
 
 
 def compute_bag_tables(
-    trials: TrialSet, reading: Reading, fields: Fields
+    trials: TrialSet, options: FeatureOptions, fields: Fields
 ) -> tuple[Tables, tuple[str, ...]]:
     """Return the feature tables of all fingers (namespaces) of bags; see `compute_tables`."""
-    chosen = {**reading.choose_fields(), **fields}
+    chosen = {**options.choose_fields(), **fields}
     first: RecordedFeatures | None = None
     found: defaultdict[tuple[str, str, str], list[Row]] = defaultdict(list)
     specs: dict[str, FeatureSpec] = {}
@@ -59,7 +59,7 @@ def compute_bag_tables(
     paths = list(bags)
     for path, bag in bags.items():
         for namespace in bag.namespaces:
-            features = _choose(path, computable_features(bag, namespace), chosen, reading)
+            features = _choose(path, computable_features(bag, namespace), chosen, options)
             first = first or features
             if _compared(features) != _compared(first):
                 finger = f'{namespace} of ' if namespace else ''
@@ -73,7 +73,7 @@ def compute_bag_tables(
             f'no labelled trial with features in {", ".join(paths) or "no bag"}'
             + (f'; the first reason: {left_out[0]}' if left_out else '')
         )
-    if reading.window_s is not None:
+    if options.window_s is not None:
         full = {key for key in found if not specs[key[2]].is_early}
         for unwanted in full:
             del found[unwanted]
@@ -111,18 +111,18 @@ def _list_rows(table: FeatureTable, *names: str) -> list[tuple[Any, ...]]:
 
 
 def _choose(
-    path: str, recorded: RecordedFeatures, chosen: Fields, reading: Reading
+    path: str, recorded: RecordedFeatures, chosen: Fields, options: FeatureOptions
 ) -> RecordedFeatures:
     """Return the features to compute, for full windows or early windows of the given length."""
     full = RecordedFeatures(
         replace(recorded.config, early_windows=False),
         tuple(spec for spec in recorded.wanted if not spec.is_early),
     )
-    if not chosen and reading.window_s is None:
+    if not chosen and options.window_s is None:
         return full
     try:
         config = replace(full.bound(), **chosen)
-        return RecordedFeatures(replace(config, **reading.early_fields(config.rate_hz)))
+        return RecordedFeatures(replace(config, **options.early_fields(config.rate_hz)))
     except FeatureError as error:
         raise BagError(f'{path}: {error}') from error
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_analysis.datasets.bag_features import event_before
+from tactile_analysis.datasets.feature_options import FeatureOptions
 from tactile_analysis.datasets.feature_tables import prepare, speeds_of
-from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.trial_set import TrialSet
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
@@ -75,7 +75,7 @@ class ClassifiedTrials:
 
 
 def classify_recording(
-    recording: TrialSet, models: Path, reading: Reading | None = None
+    recording: TrialSet, models: Path, options: FeatureOptions | None = None
 ) -> ClassifiedTrials:
     """Classify the trials of a recording.
 
@@ -86,7 +86,7 @@ def classify_recording(
         node. For other recordings each trial is one window; longer trials are cut as in training.
     models : Path
         A model file, or a folder with model files.
-    reading : Reading, optional
+    options : FeatureOptions, optional
         Selection and cropping of the trials of imported recordings.
 
     Raises
@@ -94,10 +94,10 @@ def classify_recording(
     TactileError, ModelFileError, DatasetError
         If no model can be used, or options, recording and models do not fit.
     """
-    reading = reading or Reading()
+    options = options or FeatureOptions()
     loaded = ModelSet.load(models)
     if recording.is_own:
-        reading.check_for_bags()
+        options.check_for_bags()
         found = tuple(_classify_bags(recording, loaded))
         return ClassifiedTrials(found, loaded.refused)
     questions = {(model.task, model.contact) for model in loaded.models}
@@ -107,10 +107,10 @@ def classify_recording(
             f'the models in {models} are for {named}, and the task of {recording.name} is '
             'unknown: give one model file with --model'
         )
-    trials = prepare(recording, replace(reading, skip_bad=True), needs_label=False)
+    trials = prepare(recording, replace(options, skip_bad=True), needs_label=False)
     skipped = tuple(f'left out: {sentence}' for sentence in trials.skipped)
     found = tuple(
-        each for model in loaded.models for each in _classify_trials(trials, model, reading)
+        each for model in loaded.models for each in _classify_trials(trials, model, options)
     )
     return ClassifiedTrials(found, (*loaded.refused, *trials.notes, *skipped))
 
@@ -139,17 +139,17 @@ def _classify_bags(recording: TrialSet, models: ModelSet) -> Iterator[Classified
 
 
 def _classify_trials(
-    trials: TrialSet, model: TactileModel, reading: Reading
+    trials: TrialSet, model: TactileModel, options: FeatureOptions
 ) -> Iterator[ClassifiedTrial]:
     _check_unit(trials, model)
     included = trials.included
     speeds_m_s: NDArray[np.float64] = np.zeros(len(included))
-    if reading.speed_column is not None:
-        speeds_m_s = speeds_of(trials, reading.speed_column)
+    if options.speed_column is not None:
+        speeds_m_s = speeds_of(trials, options.speed_column)
     for trial, speed_m_s in zip(included, speeds_m_s.tolist(), strict=True):
         signal = trial.signal
         assert signal.rate_hz is not None, 'the set is even'
-        samples = _take_channel(signal, model, reading)
+        samples = _take_channel(signal, model, options)
         try:
             answer = model.classify(samples, signal.rate_hz, speed_m_s=speed_m_s, cut=True)
         except DatasetError as error:
@@ -166,15 +166,17 @@ def _check_unit(trials: TrialSet, model: TactileModel) -> None:
         )
 
 
-def _take_channel(signal: Signal, model: TactileModel, reading: Reading) -> NDArray[np.float64]:
+def _take_channel(
+    signal: Signal, model: TactileModel, options: FeatureOptions
+) -> NDArray[np.float64]:
     """Return the samples of the model's channel, shape (n,); of all channels: (channels, n)."""
     channel, names = model.spec.channel, signal.channels
-    if reading.channel:
-        asked = name_channel(reading.channel, names)
+    if options.channel:
+        asked = name_channel(options.channel, names)
         if channel and len(names) > 1 and asked != channel:
             raise TactileError(
                 f'model {model.model_id} was trained on channel {channel}, but --channel is '
-                f'{reading.channel}: omit the option'
+                f'{options.channel}: omit the option'
             )
         channel = asked
     if len(names) == 1 and channel != ALL:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.datasets.reading import parse_span, Reading
+from tactile_analysis.datasets.feature_options import FeatureOptions, parse_span
 from tactile_analysis.options import SourceOptions
 from tactile_analysis.sources.signals import shared_columns
 from tactile_analysis.trial_set import TrialSet
@@ -53,19 +53,21 @@ def name_table(key: Key, table: FeatureTable) -> str:
 
 @contextmanager
 def open_trials(
-    paths: Sequence[Path], reading: Reading | None = None, sources: SourceOptions | None = None
+    paths: Sequence[Path],
+    options: FeatureOptions | None = None,
+    sources: SourceOptions | None = None,
 ) -> Iterator[TrialSet]:
     """Open recordings for their features: see `TrialSet.load` and `prepare`."""
-    reading = reading or Reading()
+    options = options or FeatureOptions()
     with TrialSet.load(paths, sources) as trials:
-        if reading.task is None and not trials.is_own:
+        if options.task is None and not trials.is_own:
             raise TactileError(
                 f'the task of {trials.name} is unknown: give --task texture or --task stiffness'
             )
-        yield prepare(trials, reading)
+        yield prepare(trials, options)
 
 
-def prepare(trials: TrialSet, reading: Reading, *, needs_label: bool = True) -> TrialSet:
+def prepare(trials: TrialSet, options: FeatureOptions, *, needs_label: bool = True) -> TrialSet:
     """Select, resample and crop the trials of files; bags with trial events are not changed.
 
     If the task is known, trials without features are left out as well.
@@ -76,37 +78,37 @@ def prepare(trials: TrialSet, reading: Reading, *, needs_label: bool = True) -> 
         If options and recording do not fit, or no trial can be used.
     """
     if trials.is_own:
-        reading.check_for_bags()
-        reading.choose_fields()
+        options.check_for_bags()
+        options.choose_fields()
         return trials
-    if reading.where is not None:
-        trials = trials.select(reading.where, 'where')
-    stated = reading.select_stated(trials.columns)
+    if options.where is not None:
+        trials = trials.select(options.where, 'where')
+    stated = options.select_stated(trials.columns)
     if stated is not None:
         trials = trials.select(stated[0] | stated[1])
-    skip_bad = reading.skip_bad
+    skip_bad = options.skip_bad
     trials = trials.even(skip_bad=skip_bad, needs_label=needs_label)
-    if reading.resample_hz is not None:
-        trials = trials.resample(reading.resample_hz)
-    if reading.crop is not None:
-        trials = trials.crop(*parse_span(reading.crop), skip_bad=skip_bad)
-    if reading.task is None:
+    if options.resample_hz is not None:
+        trials = trials.resample(options.resample_hz)
+    if options.crop is not None:
+        trials = trials.crop(*parse_span(options.crop), skip_bad=skip_bad)
+    if options.task is None:
         return trials
-    if reading.window_s is not None:
-        trials = trials.crop(0.0, reading.window_s, skip_bad=skip_bad)
+    if options.window_s is not None:
+        trials = trials.crop(0.0, options.window_s, skip_bad=skip_bad)
     trials = trials.cut_to_shortest()
     try:
-        table = _compute_table(trials, reading, NONE)
+        table = _compute_table(trials, options, NONE)
     except NoFeaturesError as error:
         trials = trials.drop(error.reasons, skip_bad=skip_bad)
-        table = _compute_table(trials, reading, NONE)
+        table = _compute_table(trials, options, NONE)
     if used := table.spec.describe_channel():
         trials = trials.add_step(f'channel: {used} (--channel NAME, mean or all)')
     return trials
 
 
 def compute_tables(
-    trials: TrialSet, reading: Reading | None = None, fields: Fields = NONE
+    trials: TrialSet, options: FeatureOptions | None = None, fields: Fields = NONE
 ) -> tuple[Tables, tuple[str, ...]]:
     """Return the feature tables of the labelled trials, and the trials without features.
 
@@ -114,10 +116,10 @@ def compute_tables(
     ----------
     trials : TrialSet
         For files, each trial is one window: cut the trials first.
-    reading : Reading, optional
+    options : FeatureOptions, optional
         Task, channel and features.
     fields : mapping
-        Fields of `FeatureConfig` that select other features than ``reading``.
+        Fields of `FeatureConfig` that select other features than ``options``.
 
     Returns
     -------
@@ -132,40 +134,40 @@ def compute_tables(
     TactileError, DatasetError
         If no trial has features, or none belongs to the task.
     """
-    reading = reading or Reading()
+    options = options or FeatureOptions()
     if trials.is_own:
         from tactile_analysis.datasets.bag_features import compute_bag_tables  # readers of bags
 
-        tables, left_out = compute_bag_tables(trials, reading, fields)
+        tables, left_out = compute_bag_tables(trials, options, fields)
     else:
-        if reading.task is None:
+        if options.task is None:
             raise TactileError(f'the task of {trials.name} is unknown: state it')
-        table = _compute_table(trials, reading, fields)
+        table = _compute_table(trials, options, fields)
         left_out = tuple(trials.skipped)
-        tables = {(reading.task, ''): replace(table, refused=len(left_out))}
-    wanted = {key: table for key, table in tables.items() if reading.task in (None, key[0])}
+        tables = {(options.task, ''): replace(table, refused=len(left_out))}
+    wanted = {key: table for key, table in tables.items() if options.task in (None, key[0])}
     if not wanted:
-        raise TactileError(f'{trials.name} contains no {reading.task} trials')
+        raise TactileError(f'{trials.name} contains no {options.task} trials')
     return wanted, left_out
 
 
 def read_tables(
-    paths: Sequence[Path], fields: Fields = NONE, reading: Reading | None = None
+    paths: Sequence[Path], fields: Fields = NONE, options: FeatureOptions | None = None
 ) -> Tables:
     """Return the feature tables of recordings; ``fields`` selects other features."""
-    with open_trials(paths, reading) as trials:
-        return compute_tables(trials, reading, fields)[0]
+    with open_trials(paths, options) as trials:
+        return compute_tables(trials, options, fields)[0]
 
 
-def _compute_table(trials: TrialSet, reading: Reading, fields: Fields) -> FeatureTable:
+def _compute_table(trials: TrialSet, options: FeatureOptions, fields: Fields) -> FeatureTable:
     """Return the features of the trials of files, one window each."""
-    assert reading.task is not None
-    config = FeatureConfig(**reading.choose_fields(), early_windows=reading.window_s is not None)
+    assert options.task is not None
+    config = FeatureConfig(**options.choose_fields(), early_windows=options.window_s is not None)
     config = replace(
         config, **{name: v for name, v in fields.items() if name not in _STATED_BY_TRIALS}
     )
-    feature_set = set_for(reading.task, config)
-    if reading.window_s is not None and not feature_set.is_early:
+    feature_set = set_for(options.task, config)
+    if options.window_s is not None and not feature_set.is_early:
         raise DatasetError(f'{feature_set.name}: early windows are not possible')
     trials = trials.cut_to_shortest()
     x, labels, _ = trials.windows()
@@ -175,16 +177,16 @@ def _compute_table(trials: TrialSet, reading: Reading, fields: Fields) -> Featur
     signal = included[0].signal
     assert signal.rate_hz is not None, 'the set is even'
     return table_from_trials(
-        reading.task,
+        options.task,
         x,
         labels,
         signal.rate_hz,
-        reading.channel or 0,
+        options.channel or 0,
         channels=signal.channels,
         unit=trials.unit,
         columns=columns,
         config=config,
-        speeds_m_s=speeds_of(trials, reading.speed_column) if needs_speed(reading) else None,
+        speeds_m_s=speeds_of(trials, options.speed_column) if needs_speed(options) else None,
     )
 
 
@@ -200,14 +202,14 @@ def join_tables(tables: Sequence[FeatureTable]) -> FeatureTable:
     )
 
 
-def needs_speed(reading: Reading) -> bool:
+def needs_speed(options: FeatureOptions) -> bool:
     """Return True if sliding speeds of the trials of files are needed or stated."""
-    config = FeatureConfig(**reading.choose_fields())
-    is_texture = reading.task == PROTOCOL_TEXTURE
-    if not is_texture and (reading.over or config.feature_set(PHASE_GLIDE).needs_speed):
+    config = FeatureConfig(**options.choose_fields())
+    is_texture = options.task == PROTOCOL_TEXTURE
+    if not is_texture and (options.over or config.feature_set(PHASE_GLIDE).needs_speed):
         raise TactileError('features over distance need a sliding finger: use --task texture')
     return is_texture and bool(
-        reading.over or reading.speed_column or config.feature_set(PHASE_GLIDE).needs_speed
+        options.over or options.speed_column or config.feature_set(PHASE_GLIDE).needs_speed
     )
 
 
@@ -228,21 +230,21 @@ def speeds_of(trials: TrialSet, name: str | None) -> NDArray[np.float64]:
     raise TactileError(f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s')
 
 
-def title(trials: TrialSet, reading: Reading, key: Key, table: FeatureTable) -> str:
+def title(trials: TrialSet, options: FeatureOptions, key: Key, table: FeatureTable) -> str:
     """Return a description of the trials of a table."""
     if trials.is_own:
         return name_table(key, table)
     names = {'': '', MEAN: 'mean of all channels', ALL: 'all channels'}
     used = table.spec.channel
-    parts = [key[0], trials.name, names.get(used, used), reading.where]
-    if reading.resample_hz is not None:
-        parts.append(f'at {reading.resample_hz:g} Hz')
-    if reading.crop is not None:
-        start_s, stop_s = parse_span(reading.crop)
+    parts = [key[0], trials.name, names.get(used, used), options.where]
+    if options.resample_hz is not None:
+        parts.append(f'at {options.resample_hz:g} Hz')
+    if options.crop is not None:
+        start_s, stop_s = parse_span(options.crop)
         parts.append(f'{start_s:g} to {stop_s:g} s')
-    if reading.over:
-        parts.append(f'over {reading.over} mm')
-    return ', '.join(filter(None, (*parts, reading.features)))
+    if options.over:
+        parts.append(f'over {options.over} mm')
+    return ', '.join(filter(None, (*parts, options.features)))
 
 
 def find_window(trials: TrialSet, table: FeatureTable, row: int) -> tuple[Trial | None, Signal]:

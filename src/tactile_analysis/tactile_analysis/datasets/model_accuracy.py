@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactile_analysis.datasets.feature_options import FeatureOptions
 from tactile_analysis.datasets.feature_tables import compute_tables, join_tables, prepare
-from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.trial_set import TrialSet
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.intervals import Result
@@ -117,7 +117,10 @@ class _Row(NamedTuple):
 
 
 def evaluate_models(
-    recording: TrialSet, reading: Reading, paths: Sequence[Path], columns: Sequence[str] = ()
+    recording: TrialSet,
+    options: FeatureOptions,
+    paths: Sequence[Path],
+    columns: Sequence[str] = (),
 ) -> ModelEvaluation:
     """Evaluate one or two model files on the labelled trials of a recording.
 
@@ -128,7 +131,7 @@ def evaluate_models(
     Parameters
     ----------
     recording : TrialSet
-    reading : Reading
+    options : FeatureOptions
         Selection of trials, and cropping of archives. Features and task follow from the models.
     paths : sequence of Path
         One or two model files.
@@ -143,8 +146,8 @@ def evaluate_models(
         If a file cannot be used, or its features cannot be computed from the recording.
     """
     models = [load_model(path) for path in paths]
-    _check_question(models, paths, reading.task)
-    tables = [_read_table(recording, reading, *pair) for pair in zip(models, paths, strict=True)]
+    _check_question(models, paths, options.task)
+    tables = [_read_table(recording, options, *pair) for pair in zip(models, paths, strict=True)]
     has_sessions = bool(columns) or any(SESSION in table.columns for table, _ in tables)
     rows = [
         _list_rows(model, _of_contact(table, models), columns)
@@ -214,11 +217,11 @@ def _check_question(
 
 
 def _read_table(
-    recording: TrialSet, reading: Reading, model: TactileModel, path: Path
+    recording: TrialSet, options: FeatureOptions, model: TactileModel, path: Path
 ) -> tuple[FeatureTable, tuple[str, ...]]:
     """Return the features of a model, and the reasons for trials without features."""
     spec = model.spec
-    rate_hz = reading.resample_hz or recording.rate_hz
+    rate_hz = options.resample_hz or recording.rate_hz
     if rate_hz is not None and not is_same_rate(rate_hz, spec.rate_hz):
         remedy = (
             '' if recording.is_own else f', or resample the trials: --resample-hz {spec.rate_hz:g}'
@@ -227,16 +230,16 @@ def _read_table(
             f'{path} needs samples at {spec.rate_hz:g} Hz, not {rate_hz:g} Hz as in '
             f'{recording.name}: train a model at this rate{remedy}'
         )
-    reading = replace(reading, task=model.task)
+    options = replace(options, task=model.task)
     if not recording.is_own:  # bags contain window and channel
-        reading = replace(
-            reading,
+        options = replace(
+            options,
             features=spec.feature_set,
-            channel=reading.channel or spec.channel or None,
+            channel=options.channel or spec.channel or None,
             window_s=spec.sample_count / spec.rate_hz if spec.is_early else None,
         )
-    trials = prepare(recording, reading)
-    tables, left_out = compute_tables(trials, reading, spec.config_values())
+    trials = prepare(recording, options)
+    tables, left_out = compute_tables(trials, options, spec.config_values())
     for table in tables.values():
         model.check_fits(table.spec)
     return join_tables(list(tables.values())), left_out

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_analysis.datasets.automatic_features import Chosen, SESSIONS
+from tactile_analysis.datasets.feature_options import FeatureOptions, select_features
 from tactile_analysis.datasets.feature_tables import compute_tables, find_window, Key, title
-from tactile_analysis.datasets.reading import Reading, select_features
 from tactile_analysis.trial_set import TrialSet
 from tactile_bags.trial import Signal, Trial
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
@@ -96,7 +96,7 @@ class RecordingSet:
 
 def make_sets(
     trials: TrialSet,
-    reading: Reading,
+    options: FeatureOptions,
     chosen: Mapping[Key, Chosen],
     hold_out: Sequence[Sequence[str]] = (),
     *,
@@ -110,7 +110,7 @@ def make_sets(
     ----------
     trials : TrialSet
         Trials after `prepare`.
-    reading : Reading
+    options : FeatureOptions
         Task, channel and features.
     chosen : mapping
         The choice for each set.
@@ -125,9 +125,9 @@ def make_sets(
     """
     whole = {key: each.table for key, each in chosen.items()}
     if not of_choice:
-        whole, _ = compute_tables(trials, reading)
+        whole, _ = compute_tables(trials, options)
     tables = {
-        key: select_features(reading.keep_stated(table), reading.features)
+        key: select_features(options.keep_stated(table), options.features)
         for key, table in whole.items()
     }
     sets = []
@@ -137,7 +137,7 @@ def make_sets(
         of_auto = f', auto: {table.spec.feature_set}' if of_choice and not trials.is_own else ''
         sets.append(
             RecordingSet(
-                title=title(trials, reading, key, table)
+                title=title(trials, options, key, table)
                 + of_auto
                 + (', simulated' if simulated else ''),
                 contact=key[1],
@@ -146,7 +146,7 @@ def make_sets(
                 hold_out=tuple(map(tuple, columns)),
                 unit=trials.unit or 'raw',
                 examples=_find_examples(trials, table) if report else (),
-                splits=reading.splits(table),
+                splits=options.splits(table),
                 skipped=tuple(trials.skipped),
                 steps=() if trials.is_own else tuple(trials.notes),
                 choice=chosen.get(key, chosen.get(key[:2])),

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactile_analysis.datasets.feature_options import FeatureOptions
 from tactile_analysis.datasets.feature_tables import read_tables
-from tactile_analysis.datasets.reading import Reading
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -27,7 +27,7 @@ def read_table(name, **options):
     path = FOLDER / name
     if not path.exists():
         pytest.skip(f'{name} is not in {FOLDER}; set TACTILE_DATA to the folder that has it')
-    (table,) = read_tables([path], reading=Reading(**options)).values()
+    (table,) = read_tables([path], options=FeatureOptions(**options)).values()
     return table
 
 

@@ -54,7 +54,7 @@ def classify(
     classified.
     """
     from tactile_analysis.datasets.classified import classify_recording, count_right
-    from tactile_analysis.datasets.reading import Reading
+    from tactile_analysis.datasets.feature_options import FeatureOptions
     from tactile_analysis.trial_set import TrialSet
 
     output = Output(as_json)
@@ -62,7 +62,7 @@ def classify(
         output.progress('classifying'),
         TrialSet.load(recordings, statements) as recording,
     ):
-        found = classify_recording(recording, model, Reading(**vars(archives)))
+        found = classify_recording(recording, model, FeatureOptions(**vars(archives)))
     output.say(*found.notes)
     if not any(each.answer.scores for each in found.trials):
         reason = found.trials[0].answer.reason if found.trials else 'there are no such trials'

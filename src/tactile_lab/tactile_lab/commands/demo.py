@@ -74,8 +74,8 @@ def demo(
     """
     from domain_coordinator import domain_id
 
+    from tactile_analysis.datasets.feature_options import FeatureOptions
     from tactile_analysis.datasets.feature_tables import open_trials
-    from tactile_analysis.datasets.reading import Reading
     from tactile_bringup.launch_config.graph import Ports
     from tactile_lab.commands.replay import print_report, replay_and_compare
     from tactile_lab.commands.simulate import make_bags
@@ -103,11 +103,11 @@ def demo(
         )
 
         output.say('[bold]2  Training and cross-validation[/bold]', markup=True)
-        reading = Reading(features=STIFFNESS_FEATURES)
-        with open_trials(bags, reading) as source:
-            tables = read_with_progress(source, reading, output)
+        feature_options = FeatureOptions(features=STIFFNESS_FEATURES)
+        with open_trials(bags, feature_options) as source:
+            tables = read_with_progress(source, feature_options, output)
             trained = train_models(
-                source, reading, tables, folder=folder / 'models', output=output
+                source, feature_options, tables, folder=folder / 'models', output=output
             )
 
         output.say(

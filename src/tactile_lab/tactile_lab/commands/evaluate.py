@@ -127,8 +127,8 @@ def evaluate(
         )
         return
     from tactile_analysis.datasets.automatic_features import AUTO
+    from tactile_analysis.datasets.feature_options import FeatureOptions
     from tactile_analysis.datasets.feature_tables import open_trials
-    from tactile_analysis.datasets.reading import Reading
     from tactile_analysis.report.analysis import analyse
     from tactile_analysis.report.recordings import make_sets
     from tactile_lab.cluster import on_cluster
@@ -136,7 +136,7 @@ def evaluate(
 
     output = Output(as_json)
     is_auto = features == AUTO
-    reading = Reading(
+    feature_options = FeatureOptions(
         task=task,
         over=over,
         detrend=detrend,
@@ -153,10 +153,10 @@ def evaluate(
 
         file = report_path(report)
     with on_cluster(cluster):
-        with open_trials(recordings, reading, statements) as source:
+        with open_trials(recordings, feature_options, statements) as source:
             chosen = choose_with_progress(
                 source,
-                reading,
+                feature_options,
                 output,
                 folds,
                 seed,
@@ -167,7 +167,7 @@ def evaluate(
             with output.progress('reading'):
                 sets = make_sets(
                     source,
-                    reading,
+                    feature_options,
                     chosen,
                     hold_out,
                     of_choice=is_auto,
@@ -208,8 +208,8 @@ def _evaluate_models(
     statements: SourceOptions,
     output: Output,
 ) -> None:
+    from tactile_analysis.datasets.feature_options import FeatureOptions
     from tactile_analysis.datasets.model_accuracy import evaluate_models
-    from tactile_analysis.datasets.reading import Reading
     from tactile_analysis.trial_set import TrialSet
     from tactile_lab.result_tables import format_evaluation
 
@@ -219,13 +219,13 @@ def _evaluate_models(
                 f'{name} is given {len(values)} times; with --model at most {most} '
                 f'{"is" if most == 1 else "are"} possible'
             )
-    reading = Reading(task=task, **vars(archives))
+    feature_options = FeatureOptions(task=task, **vars(archives))
     with (
         output.progress('evaluating'),
         TrialSet.load(recordings, statements) as recording,
     ):
         columns = options.split(group[0]) if group else ()
-        found = evaluate_models(recording, reading, models, columns)
+        found = evaluate_models(recording, feature_options, models, columns)
     output.say(*format_evaluation(found))
     output.result(found.to_dict())
 

@@ -54,17 +54,19 @@ def features(
     """
     import numpy as np
 
+    from tactile_analysis.datasets.feature_options import FeatureOptions, select_features
     from tactile_analysis.datasets.feature_tables import compute_tables, open_trials
-    from tactile_analysis.datasets.reading import Reading, select_features
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)
-    reading = Reading(task=task, over=over, detrend=detrend, features=features, **vars(archives))
+    feature_options = FeatureOptions(
+        task=task, over=over, detrend=detrend, features=features, **vars(archives)
+    )
     with (
         output.progress('computing features'),
-        open_trials(recordings, reading, statements) as source,
+        open_trials(recordings, feature_options, statements) as source,
     ):
-        tables, left_out = compute_tables(source, reading)
+        tables, left_out = compute_tables(source, feature_options)
         steps = [] if source.is_own else source.notes
     written = []
     for key, table in tables.items():

@@ -19,8 +19,8 @@ from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_analysis.datasets.automatic_features import Chosen
+    from tactile_analysis.datasets.feature_options import FeatureOptions
     from tactile_analysis.datasets.feature_tables import Tables
-    from tactile_analysis.datasets.reading import Reading
     from tactile_analysis.trial_set import TrialSet
     from tactile_classifier.datasets.dataset import FeatureTable
     from tactile_classifier.evaluation.cross_validation import Evaluation
@@ -162,8 +162,8 @@ def train(
     training trials as *unknown*. Existing model files are only replaced with --force.
     """
     from tactile_analysis.datasets.automatic_features import AUTO
+    from tactile_analysis.datasets.feature_options import FeatureOptions
     from tactile_analysis.datasets.feature_tables import open_trials
-    from tactile_analysis.datasets.reading import Reading
     from tactile_lab.cluster import on_cluster
 
     output = Output(as_json)
@@ -179,7 +179,7 @@ def train(
     trained: list[TrainedModel] = []
     with on_cluster(cluster):
         for window_s in lengths:
-            reading = Reading(
+            feature_options = FeatureOptions(
                 task=task,
                 over=over,
                 detrend=detrend,
@@ -187,14 +187,14 @@ def train(
                 window_s=window_s,
                 **vars(archives),
             )
-            reading.choose_fields()  # refuses options that do not go together, before the work
-            with open_trials(recordings, reading, statements) as source:
+            feature_options.choose_fields()  # refuses contradictory options before the work
+            with open_trials(recordings, feature_options, statements) as source:
                 if not trained:
                     _refuse_existing(source, task, folder, lengths, force=force)
                 write = functools.partial(
                     train_models,
                     source,
-                    reading,
+                    feature_options,
                     folder=folder,
                     output=output,
                     false_alarm_rate=false_alarm_rate,
@@ -202,7 +202,7 @@ def train(
                     force=force,
                 )
                 if classifier:
-                    tables = read_with_progress(source, reading, output)
+                    tables = read_with_progress(source, feature_options, output)
                     trained += write(
                         tables,
                         classifier=classifier,
@@ -216,10 +216,10 @@ def train(
                 if automatic:
                     _say_steps(source, output)
                 else:
-                    read_with_progress(source, reading, output)
+                    read_with_progress(source, feature_options, output)
                 chosen = choose_with_progress(
                     source,
-                    reading,
+                    feature_options,
                     output,
                     folds,
                     seed,
@@ -255,7 +255,7 @@ def _refuse_existing(
 
 def _check_sets(features: str) -> None:
     from tactile_analysis.datasets.automatic_features import AUTO
-    from tactile_analysis.datasets.reading import list_sets
+    from tactile_analysis.datasets.feature_options import list_sets
     from tactile_features.feature_sets.registry import list_feature_sets
     from tactile_features.types import PHASE_GLIDE, PHASE_HOLD
 
@@ -310,12 +310,14 @@ def _say_steps(trials: 'TrialSet', output: Output) -> None:
     output.say(*(() if trials.is_own else trials.notes))
 
 
-def read_with_progress(trials: 'TrialSet', reading: 'Reading', output: Output) -> 'Tables':
+def read_with_progress(
+    trials: 'TrialSet', feature_options: 'FeatureOptions', output: Output
+) -> 'Tables':
     """Return the feature tables of a recording; say which trials are left out."""
     from tactile_analysis.datasets.feature_tables import compute_tables
 
     with output.progress('extracting features'):
-        tables, found = compute_tables(trials, reading)
+        tables, found = compute_tables(trials, feature_options)
     left_out = [*found[:5]]
     if len(found) > 5:
         left_out.append(f'{len(found) - 5} more')
@@ -325,7 +327,12 @@ def read_with_progress(trials: 'TrialSet', reading: 'Reading', output: Output) -
 
 
 def choose_with_progress(
-    trials: 'TrialSet', reading: 'Reading', output: Output, folds: int, seed: int, **choice: Any
+    trials: 'TrialSet',
+    feature_options: 'FeatureOptions',
+    output: Output,
+    folds: int,
+    seed: int,
+    **choice: Any,
 ) -> 'dict[tuple[str, ...], Chosen]':
     """Return the choice of `choose_automatically` for each table, and print the reasons."""
     from tactile_analysis.datasets.automatic_features import choose_automatically
@@ -333,7 +340,7 @@ def choose_with_progress(
     said: list[str] = []
     with output.progress('choosing features and classifier') as show:
         chosen = choose_automatically(
-            trials, reading, folds, seed, said.append, progress=show, **choice
+            trials, feature_options, folds, seed, said.append, progress=show, **choice
         )
     output.say(*said)
     return chosen
@@ -347,7 +354,7 @@ def model_path(folder: Path, key: tuple[str, ...], window_s: Optional[float] = N
 
 def train_models(
     trials: 'TrialSet',
-    reading: 'Reading',
+    feature_options: 'FeatureOptions',
     tables: Mapping[tuple[str, ...], 'FeatureTable'],
     *,
     folder: Path,
@@ -387,7 +394,7 @@ def train_models(
 
     for table in tables.values():
         check_size(table)
-    window_s = reading.window_s
+    window_s = feature_options.window_s
     paths = {key: model_path(folder, key, window_s) for key in tables}
     refuse_to_replace(paths.values(), force=force)
     make_output_folder(folder)
@@ -401,7 +408,7 @@ def train_models(
         else:
             evaluation = _evaluate(table, hold_out, folds, repetitions, seed, output)
         simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
-        title = f'{title_of(trials, reading, key, table)}{simulated}'
+        title = f'{title_of(trials, feature_options, key, table)}{simulated}'
         output.say(
             accuracy_table(evaluation, title) if choice is None else choice_table(choice, title),
             accuracy_caption(evaluation),

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import binomtest
 from tactile_command import ask_tactile, hear_tactile
 
+from tactile_analysis.datasets.feature_options import FeatureOptions
 from tactile_analysis.datasets.feature_tables import read_tables
-from tactile_analysis.datasets.reading import Reading
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
@@ -114,11 +114,11 @@ def test_the_digest_of_a_trial_survives_rounding_and_tells_trials_apart(tables):
 
 def test_each_model_gets_its_own_features_and_window(bags, models, tmp_path):
     paths = [models[0]]
-    for name, reading in (
-        ('waveform', Reading(features='glide_waveform')),
-        ('early', Reading(window_s=1.0)),
+    for name, feature_options in (
+        ('waveform', FeatureOptions(features='glide_waveform')),
+        ('early', FeatureOptions(window_s=1.0)),
     ):
-        (table,) = read_tables(bags[:1], reading=reading).values()
+        (table,) = read_tables(bags[:1], options=feature_options).values()
         paths.append(tmp_path / f'{name}.npz')
         write_model(paths[-1], train(table, 'knn'))
         alone = evaluate(*bags, models=paths[-1:])
@@ -211,7 +211,7 @@ def test_archives_with_other_rates_tasks_and_unusable_trials(archives, bags, tra
 def test_a_trial_that_only_one_model_refuses_is_wrong_for_it(
     bags, tables, models, rewrite, tmp_path
 ):
-    (table,) = read_tables(bags[:1], reading=Reading(window_s=1.0)).values()
+    (table,) = read_tables(bags[:1], options=FeatureOptions(window_s=1.0)).values()
     write_model(tmp_path / 'early.npz', train(table, 'knn'))
     end_ns = int(tables[1].column('window_end_ns')[4])
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
-from tactile_analysis.datasets.reading import list_sets, Reading
+from tactile_analysis.datasets.feature_options import FeatureOptions, list_sets
 from tactile_classifier.model_file.model import load_model
 from tactile_ros.errors import TactileError
 
@@ -94,16 +94,16 @@ def test_all_channels_of_an_archive_count_for_random_convolutions(tmp_path):
 
 
 def test_each_set_goes_to_its_phase():
-    assert Reading(features='glide_waveform,hold_waveform').choose_fields() == {
+    assert FeatureOptions(features='glide_waveform,hold_waveform').choose_fields() == {
         'texture_features': 'glide_waveform',
         'stiffness_features': 'hold_waveform',
     }
-    over = Reading(over='45:0.5', features='spatial_waveform').choose_fields()
+    over = FeatureOptions(over='45:0.5', features='spatial_waveform').choose_fields()
     assert over['texture_features'] == 'spatial_waveform'
     assert over['spatial_length_m'] == pytest.approx(0.045)
     assert list_sets('slope,correlation') == []
     with pytest.raises(TactileError, match='not glide_waveform'):
-        Reading(over='45:0.5', features='glide_waveform').choose_fields()
+        FeatureOptions(over='45:0.5', features='glide_waveform').choose_fields()
 
 
 def test_folds_choose_the_set_for_an_archive(tmp_path):

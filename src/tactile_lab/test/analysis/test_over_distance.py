@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
+from tactile_analysis.datasets.feature_options import parse_over
 from tactile_analysis.datasets.feature_tables import read_tables
-from tactile_analysis.datasets.reading import parse_over
 from tactile_classifier.model_file.model import load_model
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for

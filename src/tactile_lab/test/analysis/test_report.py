@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tactile_analysis.datasets.automatic_features import choose_automatically, Chosen
+from tactile_analysis.datasets.feature_options import FeatureOptions, select_features
 from tactile_analysis.datasets.feature_tables import open_trials
-from tactile_analysis.datasets.reading import Reading, select_features
 from tactile_analysis.report.analysis import analyse
 from tactile_analysis.report.build import build_page, report_path
 from tactile_analysis.report.drawings import draw_holds, draw_p_matrices, draw_textures, draw_trial
@@ -298,8 +298,10 @@ def test_captions_state_slope_and_intercept_with_their_units(easy_holds):
 
 def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
     with open_trials([stiffness_bag]) as trials:
-        chosen = choose_automatically(trials, Reading(), 3, 0, lambda _: None, any_set=False)
-        sets = make_sets(trials, Reading(), chosen, report=True)
+        chosen = choose_automatically(
+            trials, FeatureOptions(), 3, 0, lambda _: None, any_set=False
+        )
+        sets = make_sets(trials, FeatureOptions(), chosen, report=True)
         sources = describe_sources([stiffness_bag.parent], trials)
     assert sets[0].hold_out == (('trial_block',),)
     result = run(sets[0], folds=3)
@@ -481,8 +483,10 @@ def test_sessions_and_mountings_are_held_out_without_being_asked_for(columns, he
 
 def test_report_and_answers_open_each_bag_once(stiffness_bag, opened):
     with open_trials([stiffness_bag]) as trials:
-        chosen = choose_automatically(trials, Reading(), 2, 0, lambda _: None, any_set=False)
-        sets = make_sets(trials, Reading(), chosen, report=True, answers=True)
+        chosen = choose_automatically(
+            trials, FeatureOptions(), 2, 0, lambda _: None, any_set=False
+        )
+        sets = make_sets(trials, FeatureOptions(), chosen, report=True, answers=True)
         (source,) = describe_sources([stiffness_bag], trials)
     assert len(opened) == 1
     assert sets[0].examples

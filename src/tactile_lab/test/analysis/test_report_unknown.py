@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tactile_analysis.datasets.automatic_features import choose_automatically
+from tactile_analysis.datasets.feature_options import FeatureOptions, select_features
 from tactile_analysis.datasets.feature_tables import open_trials, read_tables
-from tactile_analysis.datasets.reading import Reading, select_features
 from tactile_analysis.report import answers as answers_module
 from tactile_analysis.report.analysis import analyse
 from tactile_analysis.report.answers import answer
@@ -45,8 +45,10 @@ def make_holds(gap, each=15):
 def answered(simulate_bag):
     """Return the results of simulated textures, and the page made of them."""
     with open_trials([simulate_bag('texture', 'flexion', 4, seed=11)]) as trials:
-        chosen = choose_automatically(trials, Reading(), 2, 0, lambda _: None, any_set=False)
-        sets = make_sets(trials, Reading(), chosen, answers=True)
+        chosen = choose_automatically(
+            trials, FeatureOptions(), 2, 0, lambda _: None, any_set=False
+        )
+        sets = make_sets(trials, FeatureOptions(), chosen, answers=True)
     options = {'folds': 2, 'repetitions': 1, 'details': False}
     with pytest.MonkeyPatch.context() as patch:
         # Two folds, and a rate that the half of the trials can bound.

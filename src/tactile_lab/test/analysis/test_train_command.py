@@ -10,8 +10,8 @@ import pytest
 from tactile_command import ask_tactile, hear_tactile
 
 from tactile_analysis.datasets import bag_features
+from tactile_analysis.datasets.feature_options import FeatureOptions
 from tactile_analysis.datasets.feature_tables import compute_tables, open_trials, read_tables
-from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.wording import describe_answers
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
@@ -34,10 +34,10 @@ pytestmark = pytest.mark.usefixtures('few_convolutions')
 def train_on(bag, folder, window_s=None, **training):
     """Train on a bag as the command does; return the models."""
     given = {'folds': 2, 'repetitions': 1, 'output': Output(as_json=True), **training}
-    reading = Reading(window_s=window_s)
-    with open_trials([bag], reading) as trials:
-        tables, _ = compute_tables(trials, reading)
-        return train_models(trials, reading, tables, folder=folder, **given)
+    feature_options = FeatureOptions(window_s=window_s)
+    with open_trials([bag], feature_options) as trials:
+        tables, _ = compute_tables(trials, feature_options)
+        return train_models(trials, feature_options, tables, folder=folder, **given)
 
 
 def test_options_that_do_not_fit_are_refused(texture_bag, tmp_path):
@@ -50,10 +50,10 @@ def test_options_that_do_not_fit_are_refused(texture_bag, tmp_path):
     assert '--detrend and --over exclude each other' in said
     for window_s, reason in ((0.01, 'texture_samples is 1'), (9.0, 'no labelled trial')):
         with pytest.raises(BagError, match=reason):
-            read_tables([texture_bag], reading=Reading(window_s=window_s))
-    spatial = Reading(window_s=0.5, features='texture_spatial')
+            read_tables([texture_bag], options=FeatureOptions(window_s=window_s))
+    spatial = FeatureOptions(window_s=0.5, features='texture_spatial')
     with pytest.raises(DatasetError, match='texture_spatial: early windows are not possible'):
-        read_tables([texture_bag], reading=spatial)
+        read_tables([texture_bag], options=spatial)
 
 
 def test_each_length_has_a_model_file_and_none_is_replaced_unasked(texture_bag, tmp_path):
@@ -100,10 +100,10 @@ def test_accuracy_by_length_is_that_of_the_held_out_sessions(texture_bag, tmp_pa
 
 
 def test_glides_that_are_shorter_than_the_early_window_give_no_trial(texture_bag):
-    (table,) = read_tables([texture_bag], reading=Reading(window_s=3.6)).values()
+    (table,) = read_tables([texture_bag], options=FeatureOptions(window_s=3.6)).values()
     assert len(table) == 32
     with pytest.raises(BagError, match=r'the glide ended after .*, inside the window'):
-        read_tables([texture_bag], reading=Reading(window_s=3.7))
+        read_tables([texture_bag], options=FeatureOptions(window_s=3.7))
 
 
 def test_a_trial_whose_early_window_is_refused_later_is_left_out(texture_bag, monkeypatch):
@@ -121,9 +121,9 @@ def test_a_trial_whose_early_window_is_refused_later_is_left_out(texture_bag, mo
         return replayed
 
     monkeypatch.setattr(bag_features, 'replay_phases', replay_and_refuse_one)
-    reading = Reading(window_s=0.5)
-    with open_trials([texture_bag], reading) as trials:
-        tables, left_out = compute_tables(trials, reading)
+    feature_options = FeatureOptions(window_s=0.5)
+    with open_trials([texture_bag], feature_options) as trials:
+        tables, left_out = compute_tables(trials, feature_options)
     (table,) = tables.values()
     assert len(table) == 31
     assert refused[0] not in table.columns['trial_id']
@@ -151,8 +151,8 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
     # Tables of full and early windows are what the live extractor gives.
     tables = {}
     for spec, window_s in zip(both, (None, 0.5), strict=True):
-        reading = Reading(detrend=detrend, window_s=window_s)
-        (tables[spec.digest],) = read_tables([texture_bag], reading=reading).values()
+        feature_options = FeatureOptions(detrend=detrend, window_s=window_s)
+        (tables[spec.digest],) = read_tables([texture_bag], options=feature_options).values()
     assert len(windows) == sum(map(len, tables.values()))
     for window in windows:
         table = tables[window.specification_digest]

@@ -10,8 +10,8 @@ from domain_coordinator import domain_id
 import numpy as np
 import pytest
 
+from tactile_analysis.datasets.feature_options import FeatureOptions
 from tactile_analysis.datasets.feature_tables import read_tables
-from tactile_analysis.datasets.reading import Reading
 from tactile_bags import TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features, recorded_models
@@ -50,7 +50,7 @@ def models(simulate_bag, tmp_path):
     bag = simulate_bag('texture', 'flexion', 3, seed=5)
     folder = tmp_path / 'models'
     folder.mkdir()
-    (early,) = read_tables([bag], reading=Reading(window_s=0.5)).values()
+    (early,) = read_tables([bag], options=FeatureOptions(window_s=0.5)).values()
     (spatial,) = read_tables([bag], {'texture_features': 'texture_spatial'}).values()
     (full,) = read_tables([bag]).values()
     contacts = np.where(np.arange(len(early)) % 2, 'flexion', 'abduction')

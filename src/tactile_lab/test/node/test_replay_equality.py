@@ -19,8 +19,8 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from tactile_analysis.datasets.feature_options import FeatureOptions
 from tactile_analysis.datasets.feature_tables import read_tables
-from tactile_analysis.datasets.reading import Reading
 from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_through_core, sensed_messages
@@ -90,7 +90,7 @@ def texture(simulate_bag, tmp_path_factory):
     source = simulate_bag('texture', 'flexion', 4, seed=5, sessions=2)
     models = tmp_path_factory.mktemp('texture_models')
     for window_s in (0.5, 1.5, None):
-        (table,) = read_tables([source], reading=Reading(window_s=window_s)).values()
+        (table,) = read_tables([source], options=FeatureOptions(window_s=window_s)).values()
         write_model(models / f'{window_s}.npz', train(table, 'knn'))
     bag = simulate_bag('texture', 'flexion', 1, seed=6)
     with TactileBag(bag) as recording:

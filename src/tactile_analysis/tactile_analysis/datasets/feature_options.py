@@ -24,7 +24,7 @@ from tactile_ros.errors import TactileError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading(TrialOptions):
+class FeatureOptions(TrialOptions):
     """Selection of trials and features of a recording, from the options of a command.
 
     The fields are options of the commands: see ``tactile evaluate --help``.
