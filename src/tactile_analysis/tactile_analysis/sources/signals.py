@@ -105,7 +105,7 @@ def make_trial(
         if times is None and rate is not None:
             times = np.arange(values.shape[1]) / rate
         unit = units[0] if len(set(units)) == 1 else ''
-        found = values.astype(np.float64)
+        found = np.asarray(values, dtype=np.float64)
         found = found if (factors == 1.0).all() else found * factors
         return Signal(times, found, channels, unit, rate)
 
