@@ -312,7 +312,7 @@ def test_oddities_of_float32_are_said(tmp_path):
         options = ('--task', task, '--folds', 2, '--repetitions', 1)
         said = hear_tactile('evaluate', tmp_path / 'odd.npz', *options)
         assert 'fewer than 16 samples' in said
-        assert 'channel 1 is constant' in said
+        assert 'channel channel_1 is constant' in said
 
 
 def test_kinds_are_not_mixed(tmp_path, long_table):
