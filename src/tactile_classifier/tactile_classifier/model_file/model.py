@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+import contextlib
 import dataclasses
 from functools import cached_property
 import hashlib
@@ -27,7 +28,7 @@ from tactile_classifier.types import (
     UNKNOWN,
     WindowPrediction,
 )
-from tactile_features.errors import FeatureError
+from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.model_container import read_limited
 from tactile_features.model_contract import refusals_of
@@ -55,7 +56,7 @@ class Prediction:
         the scores equal ``probabilities``. Empty if the label is ``'no answer'``.
     novelty, novelty_threshold : float or None
         Distance to the training trials [1]. If it exceeds the threshold, the window is unknown.
-        None if the model has no novelty measure.
+        None if the model has no novelty measure, or if the label is ``'no answer'``.
     p_value : float or None
         Fraction of held-out trials of known labels that are at least as novel as this window [1].
         A small value means that the window is unlike the training trials.
@@ -234,12 +235,12 @@ class TactileModel:
             If this installation cannot compute the features that the model was trained on.
         """
         try:
-            found = self._samples.compute(samples, rate_hz, speed_m_s, cut=cut)
+            values = self._samples.compute(samples, rate_hz, speed_m_s, cut=cut)
+        except UndefinedFeatureError as error:
+            return Prediction(NO_ANSWER, str(error))
         except DatasetError as error:
             raise DatasetError(f'model {self.model_id}: {error}') from error
-        if found.reason is not None:
-            return Prediction(NO_ANSWER, found.reason)
-        return self._add_p_value(self._judge(found.values))
+        return self._add_p_value(self._judge(values))
 
     @cached_property
     def _samples(self) -> SampleWindow:
@@ -278,13 +279,11 @@ class TactileModel:
             )
         rows = np.full((len(each), len(self.spec.names)), np.nan)
         speeds = np.broadcast_to(np.asarray(speed_m_s, dtype=np.float64), len(each)).tolist()
-        found = find_feature_set(self.spec.feature_set)
-        cut = found is not None and found.needs_speed
+        rate_hz, cut = self.spec.rate_hz, self._samples.needs_speed
         try:
             for row, window, speed in zip(rows, each, speeds, strict=True):
-                features = self._samples.compute(window, self.spec.rate_hz, speed, cut=cut)
-                if features.reason is None:
-                    row[:] = features.values
+                with contextlib.suppress(UndefinedFeatureError):
+                    row[:] = self._samples.compute(window, rate_hz, speed, cut=cut)
         except DatasetError as error:
             raise DatasetError(f'model {self.model_id}: {error}') from error
         return rows
@@ -451,7 +450,8 @@ class TactileModel:
         found = self.compute(values[np.newaxis])
         if not _are_finite(found)[0]:
             return Prediction(NO_ANSWER, 'the scores of these features are not finite')
-        label, reason = self.labels[int(found.answer[0])], None
+        label = self.labels[int(found.answer[0])]
+        reason: str | None = None
         scores = dict(zip(self.labels, found.scores[0].tolist(), strict=True))
         probabilities = scores if self.manifest.score_kind == PROBABILITY else {}
         if not len(found.novelty):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,17 +24,11 @@ CHANNEL_0 = 'channel_000__'
 """Prefix of the feature names of the first of several channels."""
 
 
-class Found(NamedTuple):
-    """Features of one window, shape (k,), or the reason why the window has no features."""
-
-    values: Matrix
-    reason: str | None = None
-
-
 class SampleWindow:
     """Computes the features of a specification from samples, for one or several channels.
 
-    Raises FeatureError if this installation cannot compute these features.
+    ``needs_speed`` is True if the features depend on the sliding speed. The constructor raises
+    FeatureError if this installation cannot compute these features.
     """
 
     def __init__(self, task: str, spec: FeatureSpec) -> None:
@@ -48,15 +41,23 @@ class SampleWindow:
         one = dataclasses.replace(spec, names=names, units=spec.units[:k])
         config = one.bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
         self._set = set_for(task, config)
+        self.needs_speed = self._set.needs_speed
 
     def compute(
         self, samples: npt.ArrayLike, rate_hz: float, speed_m_s: float, *, cut: bool = False
-    ) -> Found:
-        """Compute the features of evenly spaced samples, shape (n,) or (channels, n).
+    ) -> Matrix:
+        """Return the features, shape (k,), of evenly spaced samples, shape (n,) or (channels, n).
 
         ``rate_hz`` must equal the rate of the specification [Hz]. ``speed_m_s`` is 0 if the
         sliding speed is unknown [m/s]. If ``cut`` is True, the window is cut out of a longer
-        signal. If shape, length, rate or speed do not fit, raises DatasetError with the remedy.
+        signal.
+
+        Raises
+        ------
+        DatasetError
+            If shape, length, rate or speed do not fit; the message gives the remedy.
+        UndefinedFeatureError
+            If the window has no features.
         """
         rows = self._check(samples, rate_hz)
         whole = self._count(speed_m_s)
@@ -66,19 +67,20 @@ class SampleWindow:
         if whole and count != whole:
             raise DatasetError(self._format_length(count, whole))
         if not np.isfinite(rows).all():
-            return Found(np.empty(0), 'not all samples are finite')
+            raise UndefinedFeatureError('not all samples are finite')
         times_ns = np.rint(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
         try:
             found = [
                 self._set.compute(WindowSamples(times_ns, row, rate_hz, speed_m_s)) for row in rows
             ]
-        except UndefinedFeatureError as error:
-            return Found(np.empty(0), str(error))
+        except UndefinedFeatureError:
+            raise
         except FeatureError as error:
             raise DatasetError(f'no features from these samples: {error}') from error
         values = np.concatenate(found)
-        is_finite = bool(np.isfinite(values).all())
-        return Found(values, None if is_finite else 'the features are not finite')
+        if not np.isfinite(values).all():
+            raise UndefinedFeatureError('the features are not finite')
+        return values
 
     def _check(self, samples: npt.ArrayLike, rate_hz: float) -> Matrix:
         """Check samples and rate; return samples of shape (channels, n)."""
@@ -105,7 +107,7 @@ class SampleWindow:
 
     def _count(self, speed_m_s: float) -> int:
         """Return the number of samples of a full window; 0 if windows have any length."""
-        if not self._set.needs_speed:
+        if not self.needs_speed:
             return self._spec.sample_count
         if not speed_m_s > 0.0:
             raise DatasetError(
@@ -141,6 +143,6 @@ class SampleWindow:
         """Return the window of ``whole`` samples, or all samples if there are fewer."""
         spare = rows.shape[1] - whole
         first = math.ceil((self._crop_s or 0.0) * self._spec.rate_hz)
-        if self._set.needs_speed:
+        if self.needs_speed:
             first = max(spare, 0) // 2
         return rows[:, first : first + whole] if whole and spare >= first else rows

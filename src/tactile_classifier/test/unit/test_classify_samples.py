@@ -102,7 +102,7 @@ def test_the_answer_is_that_on_the_window_of_the_stream_bit_for_bit(case, tmp_pa
         assert answer.novelty == live.novelty
         assert answer.novelty_threshold == live.novelty_threshold
         assert answer.label == (live.label or UNKNOWN)
-        assert answer.reason == live.reason
+        assert (answer.reason or '') == live.reason
         seen.add(answer.label)
     # Waveforms of another phase are like none of the training.
     assert seen > {UNKNOWN} or case in ('waveform', 'over distance')
