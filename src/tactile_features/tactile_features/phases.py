@@ -268,10 +268,10 @@ class SignalPhases:
     when the tension above rest has fallen to a quarter of its value in the hold. If no glide is
     found in a trial of the texture protocol, the trial ends as aborted.
 
-    The result does not depend on when the detection joins a stream, either. If it joins late, it
-    reports no trial until its state equals that of a detection that has observed the stream from
-    the beginning. This is the case after `_REST_MEMORY` samples of rest, or at the end of a trial.
-    If the first sequence number is 0, the stream is observed from its beginning.
+    If the detection starts in the middle of a stream, no trial is reported as long as the result
+    could depend on earlier samples: until `_REST_MEMORY` samples of rest, or the end of a trial.
+    Two detections that start at different times therefore report the same trials. If the first
+    sequence number is 0, there are no earlier samples.
     """
 
     def __init__(self, config: FeatureConfig) -> None:

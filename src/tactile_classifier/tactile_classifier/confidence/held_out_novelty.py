@@ -27,12 +27,12 @@ def trials_needed(rate: float) -> int:
 
 
 def rank_of_sessions(count: int) -> int:
-    """Return the rank, from 1, of the session quantile that is used as strict threshold.
+    """Return the rank of the quantile that is used as strict threshold, from 1 for the smallest.
 
-    If a new session is exchangeable with the ``count`` other sessions, its quantile does not
-    exceed the quantile of this rank with probability ``rank / (count + 1)``. If there are nine or
-    more sessions, this probability is at least 1 - `SESSIONS_BEYOND`. If there are fewer, the
-    largest quantile is used, and the probability is ``count / (count + 1)``.
+    There is one quantile for each of ``count`` sessions. If a new session is exchangeable with
+    them, the probability that its quantile is at most the threshold is ``rank / (count + 1)``. If
+    there are nine or more sessions, this is at least 1 - `SESSIONS_BEYOND`. If there are fewer,
+    the largest quantile is used, and the probability is ``count / (count + 1)``.
     """
     return min(count, math.ceil(round((count + 1) * (1.0 - SESSIONS_BEYOND), 9)))
 

@@ -396,7 +396,7 @@ class EarlyWindow(PhaseWindow):
         if self._given is None:
             window = self.take()
             return [] if window is None else self.give(window)
-        return self._contradict()
+        return self._refuse_afterwards()
 
     def give(self, window: FeatureWindow) -> list[FeatureWindow]:
         """Mark the window as returned; return it, unless it is a refused window of a past phase.
@@ -406,7 +406,7 @@ class EarlyWindow(PhaseWindow):
         self._given = window
         if window.outcome != WindowOutcome.OK and self._is_past:
             return []
-        return [window, *self._contradict()]
+        return [window, *self._refuse_afterwards()]
 
     def take(self) -> FeatureWindow | None:
         """Return the window, or None while samples are missing."""
@@ -430,7 +430,7 @@ class EarlyWindow(PhaseWindow):
         )
         return self.refuse(WindowOutcome.GAP, reason)
 
-    def _contradict(self) -> list[FeatureWindow]:
+    def _refuse_afterwards(self) -> list[FeatureWindow]:
         """Return the refusal if the phase ended inside a window that was already returned."""
         given, end = self._given, self._phase_end
         if given is None or given.outcome != WindowOutcome.OK or end is None:
