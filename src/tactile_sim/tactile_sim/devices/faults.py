@@ -23,8 +23,12 @@ Splitter = Callable[[bytes], Sequence[bytes]]
 """Splits the output of a device into records: lines or packets."""
 
 OVERLOAD = 0x20
+HIGHEST_C = 255  # the register has one byte
 END = 'none'
 """The kind that ends all faults of a device."""
+
+MOST = 1e6
+"""Largest duration [s], and largest value of an option."""
 
 MOMENTS = ('alarm', 'overload', 'restart', 'stall')
 """Kinds that are instantaneous and have no duration."""
@@ -218,38 +222,30 @@ def resample_uart(data: bytes, ratio: float) -> bytes:
     return bytes(heard)
 
 
-class Option(NamedTuple):
-    """A numeric option of a kind of fault."""
-
-    default: float
-    lowest: float
-    highest: float
-
-
-_SHARE = {'share': Option(0.3, 0.0, 1.0)}
-_ON_ANY_LINE: Mapping[str, Mapping[str, Option]] = {
+_SHARE = {'share': 0.3}
+_ON_ANY_LINE: Mapping[str, Mapping[str, float]] = {
     'mute': {},
     'deaf': {},
     'unplug': {},
-    'burst': {'period_s': Option(0.016, 1e-3, 10)},
+    'burst': {'period_s': 0.016},
     'garbage': _SHARE,
     'split': _SHARE,
-    'wrong_baud': {'ratio': Option(0.5, 0.01, 100.0)},
-    'drop': {'count': Option(math.inf, 1, 1e9)},
+    'wrong_baud': {'ratio': 0.5},
+    'drop': {'count': math.inf},
 }
-KINDS: Mapping[str, Mapping[str, Mapping[str, Option]]] = {
+KINDS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     'sensor': {**_ON_ANY_LINE, 'saturate': {}, 'stuck': {}, 'menu': {}, 'restart': {}},
     'guide': {**_ON_ANY_LINE, 'alarm': {}, 'restart': {}, 'stall': {}},
     'tendon': {
         **_ON_ANY_LINE,
         'corrupt': _SHARE,
         'noise': {},
-        'overheat': {'temperature_c': Option(85.0, 80.0, 150.0)},
+        'overheat': {'temperature_c': 85.0},
         'overload': {},
         'restart': {},
     },
 }
-"""Faults of each device, with options; docs/faults.md describes their effects."""
+"""Faults of each device, with the defaults of their options; docs/faults.md describes them."""
 
 
 class FaultRequest(NamedTuple):
@@ -286,24 +282,20 @@ def read_request(document: Any) -> FaultRequest:
     elif kind in MOMENTS:
         raise RigError(f'the fault {kind} is instantaneous; omit duration_s')
     else:
-        _check_number('duration_s', lasting_s, 0.0, 1e6)
+        _check_number('duration_s', lasting_s)
     options = kinds[kind]
     for name, value in given.items():
         if name not in options:
             known = ', '.join(options) or 'none'
             raise RigError(f'the fault {kind} has no option {name!r}; its options are: {known}')
-        _check_number(name, value, options[name].lowest, options[name].highest)
-    defaults = {name: option.default for name, option in options.items()}
-    return FaultRequest(device, kind, lasting_s, {**defaults, **given})
+        _check_number(name, value)
+    return FaultRequest(device, kind, lasting_s, {**options, **given})
 
 
-def _check_number(name: str, value: Any, lowest: float, highest: float) -> None:
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, (int, float))
-        or not lowest <= value <= highest
-    ):
-        raise RigError(f'{name} is {value!r}; it must be a number from {lowest:g} to {highest:g}')
+def _check_number(name: str, value: Any) -> None:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not (is_number and 0 < value <= MOST):
+        raise RigError(f'{name} is {value!r}; it must be a number above 0 and at most {MOST:g}')
 
 
 class Device(Protocol):
@@ -461,7 +453,7 @@ class TendonLine(FaultyLine[DynamixelDevice]):
             case 'noise':
                 return Noise(encode_status(1, 0, bytes(8)), self._chance)
             case 'overheat':
-                servo.heat(round(wanted.options['temperature_c']))
+                servo.heat(min(round(wanted.options['temperature_c']), HIGHEST_C))
                 return LineFault(servo.cool)
         return super()._make_fault(wanted)
 

@@ -255,6 +255,6 @@ def test_the_documentation_has_every_fault_and_option():
                 for line in text.splitlines()
                 if line.startswith((f'| `{kind}` |', f'| {device} | `{kind}` |'))
             )
-            for name, option in options.items():
-                default = '' if np.isinf(option.default) else f' {option.default:g}'
+            for name, value in options.items():
+                default = '' if np.isinf(value) else f' {value:g}'
                 assert f'`{name}`{default}' in row
