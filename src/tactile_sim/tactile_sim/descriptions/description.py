@@ -25,6 +25,10 @@ def _between(low: float, high: float, **default: Any) -> Any:
     return dataclasses.field(metadata={'range': (low, high)}, **default)
 
 
+def _list() -> Any:
+    return dataclasses.field()
+
+
 @dataclass(frozen=True)
 class Finger:
     """A tendon-driven finger that bends in one plane; ``docs/simulation.md`` has its equations."""
@@ -146,7 +150,7 @@ class Body:
     """
 
     stiffness_n_m: float = _between(0.0, 1e9)
-    branches: tuple[Branch, ...] = dataclasses.field()
+    branches: tuple[Branch, ...] = _list()
     softening_m: float = _between(0.0, 0.1)
     friction: float = _between(0.0, 5.0)
 
