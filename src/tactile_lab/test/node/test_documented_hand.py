@@ -1,12 +1,18 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tutorial of a hand runs as it is written: SIMULATED tension, in real time, over real DDS."""
+"""The tutorial of a hand runs as it is written: SIMULATED tension, in real time, over real DDS.
+
+Commands that read or write files run in the process of the test, which saves their start.
+"""
 
 from contextlib import ExitStack
+import glob
+import shlex
 
-from page_commands import read_page, ROOT, Terminal, UNTIL_CTRL_C
+from page_commands import check_shown, read_page, ROOT, Terminal, UNTIL_CTRL_C
 import pytest
+from tactile_command import tactile
 
 PAGE = ROOT / 'docs' / 'tutorials' / 'hand_with_two_fingers.md'
 if not PAGE.is_file():
@@ -17,8 +23,10 @@ HAND = 'python my_hand.py'
 """The program that moves; the reader then ends the nodes with Ctrl-C."""
 
 
-def test_commands_of_the_hand_run_as_written(tmp_path):
+def test_commands_of_the_hand_run_as_written(tmp_path, monkeypatch):
+    """More than ten seconds: the hand starts and moves twice."""
     terminal = Terminal(tmp_path)
+    monkeypatch.chdir(terminal.folder)
     commands, files = read_page(PAGE)
     for name, text in files.items():
         (terminal.folder / name).write_text(text)
@@ -32,7 +40,16 @@ def test_commands_of_the_hand_run_as_written(tmp_path):
                 run_hand(terminal, command)
                 nodes.close()
             else:
-                terminal.run(command)
+                run_here(command)
+
+
+def run_here(command):
+    program, *words = shlex.split(command.text)
+    assert program == 'tactile', command.text
+    done = tactile(*(path for word in words for path in sorted(glob.glob(word)) or [word]))
+    said = done.stdout + done.stderr
+    assert done.returncode == 0, f'$ {command.text}\n{said}'
+    check_shown(command, said)
 
 
 def run_hand(terminal, command):
