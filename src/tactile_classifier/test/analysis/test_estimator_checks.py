@@ -10,7 +10,13 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 from sklearn.tree import DecisionTreeClassifier
-from sklearn.utils.estimator_checks import parametrize_with_checks
+from sklearn.utils.estimator_checks import (
+    check_classifiers_classes,
+    check_classifiers_train,
+    check_methods_sample_order_invariance,
+    check_methods_subset_invariance,
+    parametrize_with_checks,
+)
 
 from tactile_classifier import load_model, RandomConvolutionClassifier, TactileClassifier
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -30,13 +36,27 @@ class PaddedConvolutions(RandomConvolutionClassifier):
     [
         PaddedConvolutions(),
         TactileClassifier(make_pipeline(GlideWaveform(), StandardScaler(), SVC(kernel='linear'))),
-        TactileClassifier(make_pipeline(GlideWaveform(), KNeighborsClassifier(3))),
-        TactileClassifier(make_pipeline(GlideWaveform(), DecisionTreeClassifier())),
     ]
 )
 @pytest.mark.filterwarnings('ignore:no calibrated probabilities')
 def test_classifiers_pass_the_checks_of_scikit_learn(estimator, check):
     check(estimator)
+
+
+@pytest.mark.parametrize('classifier', [KNeighborsClassifier(3), DecisionTreeClassifier()])
+@pytest.mark.parametrize(
+    'check',
+    [
+        check_classifiers_classes,
+        check_classifiers_train,
+        check_methods_sample_order_invariance,
+        check_methods_subset_invariance,
+    ],
+)
+@pytest.mark.filterwarnings('ignore:no calibrated probabilities')
+def test_predictions_of_other_pipelines_pass_their_checks(classifier, check):
+    """The other checks concern TactileClassifier, whatever its pipeline."""
+    check('TactileClassifier', TactileClassifier(make_pipeline(GlideWaveform(), classifier)))
 
 
 def test_random_convolutions_are_written_as_by_the_trainer(tmp_path):
