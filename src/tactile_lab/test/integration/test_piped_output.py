@@ -45,7 +45,12 @@ CASES = [
     ('import', 'import {table} -o {new}.npz --label-column label', 0, ['{new}.npz: 12 trials']),
     ('repair', 'repair {bag} -o {new}', 0, ['{new}: ', 'messages']),
     ('features', 'features {bag} -o {new}.csv', 0, ['{new}.csv: stiffness']),
-    ('evaluate', 'evaluate {bag} --folds 3', 0, ['3 nearest neighbours', '80.0 ± 0.0']),
+    (
+        'evaluate',
+        'evaluate {bag} --folds 3 --features stiffness_regression',
+        0,
+        ['3 nearest neighbours', '80.0 ± 0.0'],
+    ),
     ('train', 'train {bag} -o {new} --folds 3 --classifier knn', 0, ['{new}/stiffness_']),
     ('classify', 'classify {bag} --model {model}', 0, ['predictions match the stated label']),
     ('simulate', 'simulate stiffness -o {new} --trials 1 --sessions 1', 0, ['{new}/', 'trials']),
