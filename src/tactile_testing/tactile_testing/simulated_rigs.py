@@ -46,7 +46,8 @@ def advance_rig(rig, seconds):
         truth = rig.truth()
         return truth if truth['time_s'] >= until_s else None
 
-    return wait_until(truth_then, 'the simulated time does not advance')
+    # Each look costs the rig some of its time.
+    return wait_until(truth_then, 'the simulated time does not advance', poll_s=0.01)
 
 
 def truth_at_rest(rig):
