@@ -15,6 +15,10 @@ SHORTEST_HANG_S = 0.5
 REST_REPORT_S = 0.2
 """Period of joint states and of Grbl's status reports at rest [s]."""
 
+REST_CYCLE_S = 0.05
+"""Period [s] at rest of the threads that publish a heartbeat, and of taking samples. A heartbeat
+may thus be 0.1 s late before its lease of 0.15 s ends; in motion, beats are 0.04 s apart."""
+
 REST_AFTER_S = 1.0
 """Time after the end of a motion during which reports still arrive at the full rate [s]."""
 

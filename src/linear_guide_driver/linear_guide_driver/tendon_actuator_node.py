@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from rclpy.time import Time
 
-from linear_guide_driver.config import REST_REPORT_S, TendonActuatorConfig
+from linear_guide_driver.config import REST_CYCLE_S, REST_REPORT_S, TendonActuatorConfig
 from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import capitalise, LinearGuideDriverError
 from linear_guide_driver.interlock import judge_slack, Slack, TendonReport
@@ -30,10 +30,6 @@ from tactile_ros.polling import POLL_S
 from tactile_ros.qos import LATEST, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
 from tactile_ros.strain import StrainStatus
-
-STRAIN_REST_S = 0.02
-"""Period [s] of polling strain samples while the tendon is slack and at rest, unless
-``guard_timeout_s`` requires a shorter one."""
 
 LOOK_S = 0.2
 """Period [s] of counting the publishers of the samples, which takes a microsecond."""
@@ -182,8 +178,6 @@ class TendonActuatorNode(MotionNode):
         client = self._client
         if client is None:
             return
-        rest_s = min(STRAIN_REST_S, self.config.guard_timeout_s / 4)
-        self.poll_every(rest_s if client.is_at_rest else POLL_S)
         # A simulated clock may be slow or paused, so it does not show the age of samples.
         clock_ns = None if self.get_clock().ros_time_is_active else self.now_ns()
         records = [self._to_record(block) for block in blocks if self._is_whole(block)]
@@ -242,6 +236,8 @@ class TendonActuatorNode(MotionNode):
 
     def _on_cycle(self, pause_s: float) -> None:
         self.beat()
+        rest_s = min(REST_CYCLE_S, self.config.guard_timeout_s / 4)
+        self.poll_every(rest_s if self._client.is_at_rest else POLL_S)
         self._report_slack()
         if self._hang_watch is not None:
             self._hang_watch.feed(pause_s)

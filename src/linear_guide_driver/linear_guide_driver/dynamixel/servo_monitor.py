@@ -19,7 +19,7 @@ import math
 import threading
 import time
 
-from linear_guide_driver.config import REST_AFTER_S, TendonActuatorConfig
+from linear_guide_driver.config import REST_AFTER_S, REST_CYCLE_S, TendonActuatorConfig
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import SilentServoError
 from linear_guide_driver.dynamixel.servo import TendonServo
@@ -46,9 +46,6 @@ RESTORE_S = 10.0
 
 REST_POLLS = 4
 """Polls per ``watchdog_s`` at rest, so that two polls in a row may be late."""
-
-LONGEST_REST_POLL_S = 0.04
-"""Longest period of polls at rest [s], also if ``watchdog_s`` is long."""
 
 RESTART = 'remove the cause and configure the driver again'
 """Remedy for a servo that reports a fault or has shut down."""
@@ -159,7 +156,7 @@ class ServoMonitor:
         """Present period of the polls [s]."""
         period_s = 1.0 / self._config.poll_rate_hz
         if self.is_at_rest:
-            rest_s = min(self._config.watchdog_s / REST_POLLS, LONGEST_REST_POLL_S)
+            rest_s = min(self._config.watchdog_s / REST_POLLS, REST_CYCLE_S)
             period_s = max(period_s, rest_s)
         return period_s
 

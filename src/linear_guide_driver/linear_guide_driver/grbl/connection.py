@@ -12,7 +12,7 @@ import math
 import threading
 import time
 
-from linear_guide_driver.config import REST_AFTER_S, REST_REPORT_S
+from linear_guide_driver.config import REST_AFTER_S, REST_CYCLE_S, REST_REPORT_S
 from linear_guide_driver.errors import DeviceConnectionError, DeviceRefusedError
 from linear_guide_driver.grbl import protocol as grbl
 from linear_guide_driver.serial_link import SerialLink, TICK_S
@@ -43,10 +43,6 @@ PLANNER_BLOCKS = 15
 SILENCE_S = 1.0
 """Time [s] without answers to status queries after which the controller counts as lost."""
 
-REST_TICK_S = 0.04
-"""Longest time [s] between two cycles of the reader thread at rest. The heartbeat has the same
-rate as in motion, where only every second cycle sends a beat."""
-
 RESTING = ('Idle', 'Alarm', 'Sleep')
 """States in which nothing moves."""
 
@@ -73,7 +69,7 @@ class GrblConnection:
     on_fault : callable
         Called on the reader thread with the reason when the position is lost.
     on_cycle : callable
-        Called in each cycle of the reader thread, at least every `REST_TICK_S`.
+        Called in each cycle of the reader thread, at least every `REST_CYCLE_S`.
     """
 
     def __init__(
@@ -357,7 +353,7 @@ class GrblConnection:
         now_s = time.monotonic()
         period_s, tick_s = self._poll_period_s, TICK_S
         if now_s >= self._rests_at_s:
-            period_s, tick_s = max(period_s, REST_REPORT_S), REST_TICK_S
+            period_s, tick_s = max(period_s, REST_REPORT_S), REST_CYCLE_S
         if self._is_quiet or now_s - self._polled_at_s < period_s:
             return tick_s
         self._polled_at_s = now_s

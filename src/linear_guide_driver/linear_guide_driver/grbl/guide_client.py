@@ -176,7 +176,8 @@ class LinearGuideClient:
     on_trouble : callable
         Called on the reader thread with the reason when the position is lost.
     on_cycle : callable
-        Called in each cycle of the reader thread, at least every 20 ms, or 40 ms at rest.
+        Called in each cycle of the reader thread, at least every 20 ms, or at rest
+        every `REST_CYCLE_S`.
 
     Attributes
     ----------

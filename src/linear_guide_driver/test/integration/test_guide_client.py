@@ -58,7 +58,7 @@ def test_a_guide_at_rest_is_asked_slowly_and_a_moving_one_at_full_rate(guide, mo
     at_rest = there._reports
     wait_until(lambda: len(ticks) > 30)  # one second at rest; at full rate 20 reports
     assert there._reports == at_rest
-    assert set(ticks) == {connection.REST_TICK_S}
+    assert set(ticks) == {connection.REST_CYCLE_S}
     guide.move_to(0.031, 0.03)
     assert there._reports > at_rest + 5
     assert connection.TICK_S in ticks

@@ -456,7 +456,7 @@ def test_a_slack_tendon_at_rest_is_polled_slowly_and_a_pull_wakes_the_poll(
     monkeypatch.setattr(servo_monitor, 'REST_AFTER_S', 0.1)
     # the period of polls at rest is longer than this test
     monkeypatch.setattr(servo_monitor, 'REST_POLLS', 1e-3)
-    monkeypatch.setattr(servo_monitor, 'LONGEST_REST_POLL_S', 1e3)
+    monkeypatch.setattr(servo_monitor, 'REST_CYCLE_S', 1e3)
     monitor = (tendon := connect())._monitor
     wait_until(lambda: tendon.is_at_rest and monitor.period_s > 100.0)
     polls = [monitor.wait_poll(0.2) for _ in range(2)]

@@ -15,10 +15,11 @@ from rclpy.parameter import Parameter
 from scripted_grbl import ScriptedGrbl
 from scripted_servo import ScriptedServo
 
+from linear_guide_driver.config import REST_CYCLE_S
 from linear_guide_driver.linear_guide_node import LinearGuideNode
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
-from tactile_ros.health import HeartbeatWatch
+from tactile_ros.health import HeartbeatWatch, LEASE_S
 from tactile_ros.node_group import NodeGroup
 from tactile_testing.requests import send
 from tactile_testing.waiting import wait_until
@@ -32,6 +33,10 @@ SLACK = 2048
 TAUT_M = 0.004
 TENDON = {'watchdog_s': 1.0, 'unguarded': True, 'speed_m_s': 0.02}
 PULL = {'displacement_m': TAUT_M, 'speed_m_s': 0.02, 'contact': 'flexion'}
+
+
+def test_a_lease_lasts_for_three_heartbeats_at_rest():
+    assert round(LEASE_S / REST_CYCLE_S) >= 3
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from std_msgs.msg import Empty
 from topic_peers import Peers
 
 from linear_guide_driver import tendon_actuator_node
+from linear_guide_driver.config import REST_CYCLE_S
 from linear_guide_driver.dynamixel import servo_monitor
 from linear_guide_driver.motion_node import FEEDBACK_PERIOD_S
 from linear_guide_driver.safety import Zero
@@ -16,6 +17,7 @@ from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.health import ERROR, OK, WARN
+from tactile_ros.polling import POLL_S
 from tactile_testing.waiting import wait_until
 
 
@@ -80,6 +82,15 @@ def test_joint_states_come_seldom_at_rest_and_with_each_poll_in_a_hold(tendon, s
     assert tendon.result(pull(tendon, 0.004))[0] == 'succeeded'
     held = len(joints)
     wait_until(lambda: len(joints) > held + 30)
+
+
+def test_samples_are_polled_slowly_at_rest_and_a_pull_restores_the_rate(
+    tendon, servo, sensor, monkeypatch
+):
+    monkeypatch.setattr(servo_monitor, 'REST_AFTER_S', 0.1)
+    wait_until(lambda: tendon.node.poll_s == REST_CYCLE_S)
+    assert tendon.result(pull(tendon, 0.004))[0] == 'succeeded'
+    assert tendon.node.poll_s == POLL_S
 
 
 def test_a_stop_tension_ends_the_pull_as_a_success(tendon, servo, sensor):

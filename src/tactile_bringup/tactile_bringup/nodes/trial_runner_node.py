@@ -15,6 +15,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.time import Time
 
+from linear_guide_driver.config import REST_CYCLE_S
 from linear_guide_driver.dynamixel.tendon_client import POSITION_TOLERANCE_M
 from linear_guide_driver.grbl.guide_client import MotionTrack
 from linear_guide_driver.motion_node import RigStop
@@ -54,9 +55,6 @@ CANCEL_S = 1.0
 
 GUIDE_SILENCE_S = 1.5
 """Longest silence of the joint states of a guide at rest, which arrive every 0.2 s [s]."""
-
-BEAT_S = 0.04
-"""Period of the heartbeat while no trial runs [s]."""
 
 TURN_S, HANG_S = 0.5, 1.2
 """Period of a timer on the executor, and the time without this timer after which the executor
@@ -153,7 +151,7 @@ class TrialRunnerNode(PollingNode):
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         turns = self.create_timer(TURN_S, self._note_executor, clock=clock)
         self._parts.callback(self.destroy_timer, turns)
-        beats = self.call_every(BEAT_S, self._beat_for_executor)
+        beats = self.call_every(REST_CYCLE_S, self._beat_for_executor)
         self._parts.callback(beats.cancel)
 
     def stop(self) -> None:
