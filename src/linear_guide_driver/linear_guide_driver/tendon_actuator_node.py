@@ -31,6 +31,9 @@ from tactile_ros.qos import LATEST, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
 from tactile_ros.strain import StrainStatus
 
+SLACK_PERIOD_S = 0.5
+"""Period [s] of the reports on ``~/slack`` without a change; the guide waits for 2 s."""
+
 LOOK_S = 0.2
 """Period [s] of counting the publishers of the samples, which takes a microsecond."""
 
@@ -55,6 +58,7 @@ class TendonActuatorNode(MotionNode):
         self._report_due_s = 0.0  # time of the next joint state at rest
         self._slack: Any = None  # publisher
         self._slack_report = TendonReport(Slack.UNKNOWN)  # the last published report
+        self._reported_rest = False  # ``at_rest`` of the last published report
         self._slack_due_s = 0.0
 
     def set_up(self, config: TendonActuatorConfig) -> None:
@@ -263,13 +267,17 @@ class TendonActuatorNode(MotionNode):
                 was_slack=self._slack_report.slack is Slack.SLACK,
                 has_sensor=not self.config.unguarded,
             )
-        is_new = (report.slack, report.reason) != self._slack_report[::2]
-        self._slack_report = report
+        last, is_at_rest = self._slack_report, report.slack is Slack.SLACK and client.is_at_rest
+        is_new = (*report[::2], is_at_rest) != (*last[::2], self._reported_rest)
+        self._slack_report, self._reported_rest = report, is_at_rest
         if is_new or now_s >= self._slack_due_s:
-            self._slack_due_s = now_s + REST_REPORT_S
+            self._slack_due_s = now_s + SLACK_PERIOD_S
             slack, displacement_m, reason = report
             message = TendonSlack(
-                state=slack.value, displacement_m=displacement_m, reason=reason or ''
+                state=slack.value,
+                displacement_m=displacement_m,
+                at_rest=is_at_rest,
+                reason=reason or '',
             )
             message.header.stamp = Time(nanoseconds=self.now_ns()).to_msg()
             self._slack.publish(message)

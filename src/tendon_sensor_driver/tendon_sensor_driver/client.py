@@ -185,6 +185,9 @@ class SensorClient(ABC):
     def health(self) -> SensorHealth:
         """Return the present state of the link."""
 
+    def set_at_rest(self, is_at_rest: bool) -> None:  # noqa: B027
+        """Choose the size of the blocks: larger while the tendon is at rest. On any thread."""
+
     # -- for subclasses ------------------------------------------------------------------
 
     def _make_health(self, stream: Stream[Any] | None, **values: Any) -> SensorHealth:
@@ -262,6 +265,9 @@ class LinkClient(SensorClient, Generic[LinkType]):
             self._thread.join(JOIN_TIMEOUT_S)
             if self._thread.is_alive():
                 self._last_error = 'the consumer of the blocks does not return from on_block'
+
+    def set_at_rest(self, is_at_rest: bool) -> None:
+        self._stream.set_at_rest(is_at_rest)
 
     # -- for subclasses ------------------------------------------------------------------
 

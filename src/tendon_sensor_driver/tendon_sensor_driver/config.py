@@ -29,8 +29,9 @@ _LOW_PASSES_HZ = (0, 838, 326, 152, 73, 35, 18, 8, 5, 1500, 2000, 2500, 3000)
 LOW_PASS_CODES = {cutoff_hz: code for code, cutoff_hz in enumerate(_LOW_PASSES_HZ)}
 """ATI's code of the low-pass filter of a Net F/T for each cut-off frequency [Hz]; 0 Hz: off."""
 
-MOST_BLOCKS_HZ = 100
-"""Default limit of the block rate [Hz]: each block costs a message or a call of each stage."""
+MOST_BLOCKS_HZ, REST_BLOCKS_HZ = 100, 20
+"""Default limits of the block rate, in general and while the tendon is at rest [Hz]: each block
+costs a message or a call of each stage."""
 
 _LEAST_RATE_HZ = 0.1
 # Largest tick of the device time, in sample periods: no two samples may get the same time.
@@ -150,7 +151,7 @@ class TendonSensorConfig:
     samples_per_block: int = parameter(
         0,
         f'samples in one message; 0: the smallest number that gives at most {MOST_BLOCKS_HZ} '
-        'messages per second',
+        f'messages per second, or {REST_BLOCKS_HZ} while the tendon is slack and at rest',
         unit='1',
         range=(0, 1000),
     )
@@ -264,6 +265,11 @@ class TendonSensorConfig:
     def block_samples(self) -> int:
         """Number of samples in one block, derived from the rate if ``samples_per_block`` is 0."""
         return self.samples_per_block or max(1, math.ceil(self.rate_hz / MOST_BLOCKS_HZ))
+
+    @property
+    def rest_block_samples(self) -> int:
+        """As `block_samples`, while the tendon is at rest."""
+        return self.samples_per_block or max(1, math.ceil(self.rate_hz / REST_BLOCKS_HZ))
 
     @property
     def tick_s(self) -> float:

@@ -85,6 +85,8 @@ class Stream(Generic[Clock]):
 
     Attributes
     ----------
+    samples_per_block : int
+        Number of samples in a full block; see `set_at_rest`.
     readings : int
         Number of accepted samples.
     lost_samples : int
@@ -97,7 +99,8 @@ class Stream(Generic[Clock]):
         self.clock = clock
         self.readings = self.lost_samples = 0
         self._status = int(status)
-        self._samples_per_block = config.block_samples
+        self._config = config
+        self.samples_per_block = config.block_samples
         self._always = int(status)
         self._saturation_n = config.saturation_n or math.inf
         self._stuck_ns = config.stuck_s * 1e9 or math.inf
@@ -130,6 +133,12 @@ class Stream(Generic[Clock]):
             blocks += self._add_run(batch, run)
         return blocks
 
+    def set_at_rest(self, is_at_rest: bool) -> None:
+        """Choose the size of the blocks: larger while the tendon is at rest. On any thread."""
+        config = self._config
+        samples = config.rest_block_samples if is_at_rest else config.block_samples
+        self.samples_per_block = samples
+
     def note_dropped_bytes(self) -> None:
         """Record that bytes before the next sample were lost or could not be decoded."""
         self._event |= _RESYNCHRONISED
@@ -158,7 +167,7 @@ class Stream(Generic[Clock]):
         status = self._judge(
             tension_n, None if batch.status is None else batch.status[run.samples]
         )
-        count, period_ns = len(tension_n), self.clock.period_ns
+        count, period_ns, most = len(tension_n), self.clock.period_ns, self.samples_per_block
         self.lost_samples += run.lost
         self._sequence += run.lost
         self.readings += count
@@ -180,7 +189,11 @@ class Stream(Generic[Clock]):
             while first < end:
                 stamp_ns, bits = run.stamp_ns + first * period_ns, int(status[first])
                 made = self._open
-                if made is not None and (bits != made.status or period_ns != made.period_ns):
+                if made is not None and (
+                    bits != made.status
+                    or period_ns != made.period_ns
+                    or made.samples >= most  # the tendon is no longer at rest
+                ):
                     blocks.append(self._close(made))
                     made = None
                 if made is None:
@@ -188,14 +201,14 @@ class Stream(Generic[Clock]):
                     lost = 0
                 else:
                     made.widen_error(stamp_ns, run.stamp_error_s)
-                last = min(end, first + self._samples_per_block - made.samples)
+                last = min(end, first + most - made.samples)
                 made.tensions.append(tension_n[first:last])
                 if wrench is not None:
                     made.wrenches.append(wrench[first:last])
                 made.samples += last - first
                 self._sequence += last - first
                 first = last
-                if made.samples == self._samples_per_block:
+                if made.samples == most:
                     blocks.append(self._close(made))
         self._status = int(status[-1])
         return blocks

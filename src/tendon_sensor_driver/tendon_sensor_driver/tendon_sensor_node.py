@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+import threading
 import time
 from typing import Any
 
@@ -44,16 +45,18 @@ _PAST_PERIODS = 5  # counters that increased during the last second are reported
 
 
 class LastMessage:
-    """The last message of a topic, taken from the middleware only on request."""
+    """The last message of a topic, taken from the middleware only on request; thread-safe."""
 
     def __init__(self, node: TendonSensorNode, kind: Any, topic: str, profile: Any) -> None:
         self._message: Any = None
+        self._lock = threading.Lock()  # keeps the order of the messages
         self._subscription = PolledSubscription(node, kind, topic, self._take, profile)
 
     def get(self) -> Any:
         """Return the last message, or None if there is none or its publisher is gone."""
-        self._subscription.poll()
-        return self._message if self._subscription.get_publisher_count() else None
+        with self._lock:
+            self._subscription.poll()
+            return self._message if self._subscription.get_publisher_count() else None
 
     def close(self) -> None:
         """Unsubscribe; idempotent."""
@@ -63,8 +66,8 @@ class LastMessage:
         self._message = message
 
 
-class TareGuard:
-    """Refuses to change the tare while a tendon is in use: a change would shift its limits."""
+class TendonUse:
+    """Use of the tendon: the tare cannot change meanwhile, which would shift the limits."""
 
     def __init__(self, node: TendonSensorNode, config: TendonSensorConfig) -> None:
         self._slack = self._event = None
@@ -72,6 +75,12 @@ class TareGuard:
             self._slack = LastMessage(node, TendonSlack, config.tendon_topic, LATEST)
         if config.trial_topic:
             self._event = LastMessage(node, TrialEvent, config.trial_topic, EVENTS)
+
+    @property
+    def is_at_rest(self) -> bool:
+        """True while a tendon actuator reports that its tendon is slack and at rest."""
+        slack = self._slack.get() if self._slack else None
+        return slack is not None and bool(slack.at_rest)
 
     def find_refusal(self) -> Refusal | None:
         """Return why the tare must not be changed now, or None."""
@@ -140,7 +149,8 @@ class SensorStage(Stage):
         # Published while inactive, too: a recorder needs this latched state from the start.
         self._tare_state = node.create_publisher(Tare, '~/tare_state', LATEST)
         self._publish_tare(self._tare.clear(self._node.now_ns()))
-        self._guard = TareGuard(node, config)
+        self._use = TendonUse(node, config)
+        self._is_at_rest = False  # the blocks have the size for a tendon at rest
         self._services = [
             node.create_service(Trigger, name, callback)
             for name, callback in (
@@ -177,7 +187,7 @@ class SensorStage(Stage):
             self._client = None
         while self._services:
             self._node.destroy_service(self._services.pop())
-        self._guard.close()
+        self._use.close()
         self._node.destroy_publisher(self._tare_state)
         self._strain.close()
         self._wrench.close()
@@ -209,6 +219,14 @@ class SensorStage(Stage):
         self._strain.publish(block)
         self._wrench.publish(block)
         self._emit(block)
+        if self._is_at_rest:
+            self._choose_blocks()
+
+    def _choose_blocks(self) -> None:
+        """Choose the size of the blocks: after each block at rest, else five times a second."""
+        client, self._is_at_rest = self._client, self._use.is_at_rest
+        if client is not None:
+            client.set_at_rest(self._is_at_rest)
 
     def _forget_after_restart(self) -> None:
         if self._tare.note_restart(self._node.now_ns()):
@@ -221,7 +239,7 @@ class SensorStage(Stage):
     # -- on the executor -----------------------------------------------------------------
 
     def _on_tare(self, _: Any, response: Any) -> Any:
-        if refusal := self._guard.find_refusal():
+        if refusal := self._use.find_refusal():
             response.message = f'tare refused: {refusal}'
             self._node.get_logger().warning(response.message)
             return response
@@ -242,7 +260,7 @@ class SensorStage(Stage):
         return response
 
     def _on_clear_tare(self, _: Any, response: Any) -> Any:
-        if refusal := self._guard.find_refusal():
+        if refusal := self._use.find_refusal():
             response.message = f'the tare was not cleared: {refusal}'
             return response
         self._drift_n = None
@@ -259,6 +277,7 @@ class SensorStage(Stage):
     def _watch(self, client: SensorClient) -> None:
         """Check the link; publish the diagnostics immediately when the state has changed."""
         self._node.check_simulated_time()
+        self._choose_blocks()
         health = client.health()
         self._past.append(health)
         level, sentence = self._judge(health)

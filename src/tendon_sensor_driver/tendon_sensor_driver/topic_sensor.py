@@ -205,6 +205,10 @@ class TopicClient(SensorClient):
             self._is_connected = False
             self._deliver(self._stream.flush())
 
+    def set_at_rest(self, is_at_rest: bool) -> None:
+        if (samples := self._stream.samples) is not None:
+            samples.set_at_rest(is_at_rest)
+
     def health(self) -> SensorHealth:
         stream = self._stream
         error = {}

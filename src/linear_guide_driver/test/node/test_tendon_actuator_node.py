@@ -15,9 +15,10 @@ from linear_guide_driver.motion_node import FEEDBACK_PERIOD_S
 from linear_guide_driver.safety import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeTendon, PullTendon
-from tactile_msgs.msg import StrainBlock
+from tactile_msgs.msg import StrainBlock, TendonSlack
 from tactile_ros.health import ERROR, OK, WARN
 from tactile_ros.polling import POLL_S
+from tactile_ros.qos import LATEST
 from tactile_testing.waiting import wait_until
 
 
@@ -88,9 +89,19 @@ def test_samples_are_polled_slowly_at_rest_and_a_pull_restores_the_rate(
     tendon, servo, sensor, monkeypatch
 ):
     monkeypatch.setattr(servo_monitor, 'REST_AFTER_S', 0.1)
-    wait_until(lambda: tendon.node.poll_s == REST_CYCLE_S)
+    node, reports = tendon.node, []
+    tendon.peer.create_subscription(TendonSlack, '/tendon_actuator/slack', reports.append, LATEST)
+    wait_until(lambda: reports and reports[-1].at_rest)
+    wait_until(lambda: node.poll_s == REST_CYCLE_S)
+    assert node._poller._calls[0].period_s == REST_CYCLE_S
+    before = len(reports)
     assert tendon.result(pull(tendon, 0.004))[0] == 'succeeded'
-    assert tendon.node.poll_s == POLL_S
+    assert node.poll_s == POLL_S
+    first = reports[before:][next(i for i, r in enumerate(reports[before:]) if not r.at_rest)]
+    assert first.displacement_m < 0.001  # reported before the tendon has moved
+    assert not any(report.at_rest for report in reports[-2:])
+    assert tendon.result(pull(tendon, 0.0, 0.04))[0] == 'succeeded'
+    wait_until(lambda: reports[-1].at_rest and reports[-1].state == TendonSlack.SLACK)
 
 
 def test_a_stop_tension_ends_the_pull_as_a_success(tendon, servo, sensor):

@@ -113,6 +113,37 @@ def test_a_tare_is_taken_off_and_latched_and_cleared(make_graph, sensor):
     assert graph.strain[-1].tension_n[0] == 5.0
 
 
+def test_blocks_are_larger_only_while_the_tendon_is_reported_at_rest(graph, sensor):
+    graph.bring_up()
+    sensor.write(b'\n')
+    slack = graph.listener.create_publisher(TendonSlack, '/left/tendon_actuator/slack', LATEST)
+    written = 0
+
+    def write(count):
+        nonlocal written
+        for _ in range(count):
+            sensor.write_reading(written * 1000 // 60)
+            written += 1
+        graph.spin_until(lambda: sum(len(each.tension_n) for each in graph.strain) == written)
+
+    write(3)
+    assert [len(each.tension_n) for each in graph.strain] == [1, 1, 1]
+    slack.publish(TendonSlack(state=TendonSlack.SLACK, at_rest=True))
+    stage = graph.node.stage
+    graph.spin_until(lambda: stage._is_at_rest)
+    write(6)
+    assert [len(each.tension_n) for each in graph.strain[3:]] == [3, 3]
+    slack.publish(TendonSlack(state=TendonSlack.SLACK))  # a goal moves the tendon
+    graph.spin_until(lambda: not stage._is_at_rest)
+    write(2)
+    assert [len(each.tension_n) for each in graph.strain[5:]] == [1, 1]
+    slack.publish(TendonSlack(state=TendonSlack.SLACK, at_rest=True))
+    graph.spin_until(lambda: stage._is_at_rest)
+    graph.listener.destroy_publisher(slack)  # its node has gone
+    graph.spin_until(lambda: not stage._is_at_rest)
+    write(1)
+
+
 def test_the_serial_number_is_the_hardware_id(graph, monkeypatch):
     monkeypatch.setattr(
         'tendon_sensor_driver.line_sensor.find_serial_number', lambda port: 'A50285BI'

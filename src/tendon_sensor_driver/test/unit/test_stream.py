@@ -235,6 +235,20 @@ def test_a_full_block_leaves_at_once():
     assert block.stamp_error_s == pytest.approx(0.001 + 0.000666667)
 
 
+def test_blocks_are_larger_while_the_tendon_is_at_rest_unless_their_size_is_stated():
+    stream = make(0)
+    stream.set_at_rest(True)
+    sizes = [len(block.tension_n) for block in run(stream, [at(16 * n) for n in range(7)])]
+    assert sizes == [3, 3, 1]
+    assert run(stream, [at(200), at(216)])[0].tension_n.tolist() == [0, 1]
+    assert add(stream, at(300), 0.0) == add(stream, at(316), 1.0) == []
+    stream.set_at_rest(False)  # what waits leaves with the next sample
+    assert [b.tension_n.tolist() for b in add(stream, at(333), 2.0)] == [[0, 1], [2]]
+    stated = make(2)
+    stated.set_at_rest(True)
+    assert [len(b.tension_n) for b in run(stated, [at(16 * n) for n in range(4)])] == [2, 2]
+
+
 def test_one_unknown_error_makes_the_error_of_the_block_unknown():
     stream = make(3)
     (block,) = run(stream, [at(0), at(16, error_s=-1.0), at(33)])
