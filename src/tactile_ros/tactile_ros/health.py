@@ -114,7 +114,7 @@ class Diagnostics:
                 self._node.destroy_publisher(self._publisher)
 
 
-READY_PERIOD_S = 0.1
+READY_PERIOD_S = 0.2
 
 
 class ReadinessPublisher:
@@ -125,7 +125,7 @@ class ReadinessPublisher:
     node : TactileNode
         The node.
     find_missing : callable
-        Returns a sentence for each thing that is missing. It is called ten times a second on the
+        Returns a sentence for each thing that is missing. It is called five times a second on the
         thread of periodic calls, and by `update`, but not after `close` has returned.
 
     Attributes

@@ -90,7 +90,7 @@ TRACK_S = 2 * REPORT_S
 """Time after the end of a goal during which joint states still belong to its motion [s]."""
 
 REASON_S = 0.3
-"""Longest wait for a driver to publish its reasons [s]; the driver checks them at 10 Hz."""
+"""Longest wait for a driver to publish its reasons [s]; the driver checks them at 5 Hz."""
 
 
 class TrialDevice:
