@@ -18,6 +18,7 @@ MAX_DEPTH = 32
 
 # If libyaml is installed, its parser is twenty times faster.
 _Safe: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+_SafeDumper: Any = yaml.SafeDumper
 
 
 class _Loader(_Safe):
@@ -48,7 +49,7 @@ _EXPONENT = re.compile(r'[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+\Z')
 _Loader.add_implicit_resolver('tag:yaml.org,2002:float', _EXPONENT, list('-+.0123456789'))
 
 
-class Dumper(yaml.SafeDumper):
+class Dumper(_SafeDumper):
     """The safe dumper, which also quotes texts that `load_yaml` would read as numbers: ``1e3``."""
 
 
