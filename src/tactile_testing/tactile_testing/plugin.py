@@ -14,12 +14,12 @@ import signal
 from hypothesis import settings
 import pytest
 
-# On a busy computer, an example may take long. This is not a failure.
+# A Hypothesis example may take long on a busy computer, which is not a failure.
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
 
-# If the tests run in the background of a script, this process ignores Ctrl-C. With nohup, it
-# ignores a closed terminal. The programs under test would inherit this, so it is undone here.
+# In the background of a script, this process ignores SIGINT; with nohup, it ignores SIGHUP. The
+# programs under test would inherit this, so the default handlers are restored here.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
@@ -38,9 +38,9 @@ def pytest_configure(config):
 
 
 def pytest_collection_finish():
-    """Keep garbage collections short, as `tactile_ros.process.short_collections` does.
+    """Keep garbage collections short, so that nodes under test do not pause.
 
-    Nodes under test must not pause because this process has imported many modules.
+    Imported modules are excluded from collections, as in `tactile_ros.process`.
     """
     gc.collect()
     gc.freeze()
@@ -48,7 +48,7 @@ def pytest_collection_finish():
 
 @pytest.fixture(scope='session', autouse=True)
 def domain_of_programs():
-    """Isolate the programs under test from the programs of other test processes."""
+    """Run the programs under test on a ROS domain that only this process uses."""
     try:
         from domain_coordinator import domain_id
     except ImportError:  # without ROS

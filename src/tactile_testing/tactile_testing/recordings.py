@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks for recordings of all kinds."""
+"""Checks that every source of trials must pass."""
 
 import numpy as np
 
@@ -9,9 +9,12 @@ import numpy as np
 def check_source(load):
     """Check the rules that every source of trials must keep.
 
-    ``load`` must open the same recording each time. The rules are: loading twice gives the same
-    trials. Each trial that is not excluded has a label, and a finite signal with increasing times.
-    The signal is read only once. The arrays and the long table contain the same trials.
+    ``load`` must open the same recording each time. The rules are:
+
+    - Loading twice gives the same trials.
+    - Each trial that is not excluded has a label, and a finite signal with increasing times.
+    - The signal of a trial is read only once.
+    - `to_arrays` and `to_table` contain the same trials.
     """
     with load() as recording, load() as again:
         assert recording.trials

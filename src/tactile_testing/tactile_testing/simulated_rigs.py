@@ -15,11 +15,10 @@ GUARD = {'guard_timeout_s': 2.0}
 
 
 def let_servos_pause(monkeypatch):
-    """Accept that a simulated servo does not answer for about 1 s.
+    """Let the driver accept that a simulated servo does not respond for about 1 s.
 
-    On a busy computer, the process of the servo may wait for a core. In a test of a trial, this is
-    not a fault. The tests of the driver check after which time a servo counts as silent. If a
-    trial ends because of a silent servo, `tactile trials` repeats it.
+    On a busy computer, the process of the simulated servo may be suspended. In tests of trials,
+    this must not count as a fault. Other tests check after which time a servo counts as silent.
     """
     monkeypatch.setattr('linear_guide_driver.dynamixel.servo_monitor.FAILED_POLLS', 25)
     monkeypatch.setattr('linear_guide_driver.dynamixel.bus.ATTEMPTS', 20)

@@ -1,18 +1,18 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Waiting in tests. Tests always wait for a condition, never for a fixed time."""
+"""Helpers that wait for a condition. Tests never wait for a fixed time."""
 
 import os
 import time
 
 DEADLINE_S = 20.0
-"""Much longer than any condition needs, but shorter than the 30 s after which a tendon slackens
-by itself."""
+"""Time-out [s]. It is much longer than any condition needs, but shorter than the 30 s after which
+the tendon actuator slackens an unused tendon."""
 
 
 def read_stderr():
-    """Return the whole text on standard error that pytest's ``capfd`` has captured, and keep it.
+    """Return the text on standard error that pytest's ``capfd`` has captured, without removing it.
 
     ``capfd.readouterr`` empties the file, and loses text that another thread writes meanwhile.
     """
