@@ -230,8 +230,9 @@ def test_the_line_of_accuracy_counts_refused_trials_and_names_baselines(easy_hol
     nested = easy_holds.recordings.choice.choice.nested
     assert easy_holds.end_to_end == nested.mean
     assert 'refused' not in format_accuracy(easy_holds)
+    table = dataclasses.replace(easy_holds.recordings.table, refused=8)
     result = dataclasses.replace(
-        easy_holds, recordings=dataclasses.replace(easy_holds.recordings, refused=8)
+        easy_holds, recordings=dataclasses.replace(easy_holds.recordings, table=table)
     )
     assert result.end_to_end == pytest.approx(nested.mean * 72 / 80)
     line = format_accuracy(result)
