@@ -204,7 +204,7 @@ def test_trials_to_test_on_do_not_choose(tmp_path):
         ]
         choices.append(ranking)
         assert 'chosen on trials with later=0' in said
-        assert 'On the stated test trials, ' in said
+        assert ' of the stated test trials are classified correctly' in said
         assert 'trained on later=0 (12 trials), tested on later=1' in said
         assert 'chosen on trials that are not tested' in said
         chosen = found['feature_choice']['chosen']
