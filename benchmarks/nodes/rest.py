@@ -216,10 +216,9 @@ def _command() -> None:
     """Execute requests from standard input (one line of JSON each), and print the results."""
     from action_msgs.msg import GoalStatus
     import rclpy
-    from rclpy.action import ActionClient
 
     from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
-    from tactile_ros.goals import send
+    from tactile_ros.goal_client import GoalClient
     from tactile_ros.health import Heartbeat
     from tactile_ros.node_group import NodeGroup
 
@@ -227,13 +226,13 @@ def _command() -> None:
     node = rclpy.create_node('commander')
     node.create_timer(HEARTBEAT_S, Heartbeat(node, lambda: True).beat)
     actions = {
-        'home': (HomeGuide, ActionClient(node, HomeGuide, 'linear_guide/home')),
-        'move': (MoveGuide, ActionClient(node, MoveGuide, 'linear_guide/move')),
-        'pull': (PullTendon, ActionClient(node, PullTendon, 'tendon_actuator/pull')),
+        'home': (HomeGuide, GoalClient(node, HomeGuide, 'linear_guide/home')),
+        'move': (MoveGuide, GoalClient(node, MoveGuide, 'linear_guide/move')),
+        'pull': (PullTendon, GoalClient(node, PullTendon, 'tendon_actuator/pull')),
     }
     with NodeGroup([node]):
         for _, client in actions.values():
-            client.wait_for_server(timeout_sec=START_S)
+            client.wait_for_server(START_S)
         print('ready', flush=True)  # noqa: T201 - read by the parent process
         for line in sys.stdin:
             request = json.loads(line)
@@ -241,8 +240,7 @@ def _command() -> None:
             if action_type is PullTendon:
                 request['contact'] = 'flexion'
             goal = action_type.Goal(**request)
-            handle = send(node, lambda c=client, g=goal: c.send_goal_async(g)).result(START_S)  # type: ignore[misc]
-            reply = send(node, handle.get_result_async).result(60.0)
+            reply = client.send(goal).end.result(60.0)
             is_done = reply.status == GoalStatus.STATUS_SUCCEEDED
             print('done' if is_done else reply.result.message, flush=True)  # noqa: T201
 
