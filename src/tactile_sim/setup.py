@@ -14,7 +14,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
     ],
-    install_requires=['setuptools', 'dynamixel-sdk', 'numba>=0.58', 'numpy>=1.26'],
+    install_requires=['setuptools', 'numba>=0.58', 'numpy>=1.26'],
     extras_require={'test': ['pytest']},
     zip_safe=False,
     maintainer='Tendon Tactile maintainers',

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import dynamixel_sdk
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +19,6 @@ from tactile_sim.physics.motion import plan_move, plan_stop, Trajectory
 FloatArray = NDArray[np.float64]
 _EARLY_S = 1e-6
 
-_SDK = dynamixel_sdk.PacketHandler(2.0)
 HEADER = b'\xff\xff\xfd\x00'
 BROADCAST_ID = 254
 MAX_LENGTH = 1024
@@ -50,17 +48,35 @@ class Instruction(NamedTuple):
     is_intact: bool
 
 
-def _compute_crc(data: bytes) -> bytes:
-    """Return the checksum of a packet, as ROBOTIS's SDK computes it."""
-    crc: int = _SDK.updateCRC(0, data, len(data))
-    return crc.to_bytes(2, 'little')
+def _make_crc_table() -> list[int]:
+    table = []
+    for byte in range(256):
+        crc = byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x8005 if crc & 0x8000 else crc << 1) & 0xFFFF
+        table.append(crc)
+    return table
+
+
+_CRC_TABLE = _make_crc_table()
+
+
+def compute_crc(data: bytes) -> int:
+    """Return the CRC-16 with polynomial 0x8005, initial value 0, not reflected.
+
+    The function of ROBOTIS's SDK takes a third longer, and a late answer counts as silence.
+    """
+    crc = 0
+    for byte in data:
+        crc = (crc << 8 & 0xFFFF) ^ _CRC_TABLE[crc >> 8 ^ byte]
+    return crc
 
 
 def encode_status(device_id: int, error: int, parameters: bytes = b'') -> bytes:
     """Encode a status packet."""
     body = (bytes([_STATUS, error]) + parameters).replace(_PLAIN, _STUFFED)
     packet = HEADER + bytes([device_id]) + (len(body) + 2).to_bytes(2, 'little') + body
-    return packet + _compute_crc(packet)
+    return packet + compute_crc(packet).to_bytes(2, 'little')
 
 
 class InstructionParser:
@@ -100,7 +116,7 @@ class InstructionParser:
             else:
                 packet = bytes(buffer[:end])
                 del buffer[:end]
-                intact = _compute_crc(packet[:-2]) == packet[-2:]
+                intact = compute_crc(packet[:-2]) == int.from_bytes(packet[-2:], 'little')
                 body = packet[7:-2].replace(_STUFFED, _PLAIN)
                 return Instruction(packet[4], body[0], body[1:], intact)
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from dynamixel_packets import encode_instruction
+import dynamixel_sdk
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.dynamixel import (
+    compute_crc,
     DynamixelDevice,
     encode_status,
     InstructionParser,
@@ -55,6 +57,12 @@ class Bench:
         assert self.write(known.OPERATING_MODE, 5) == 0
         assert self.write(known.GOAL_CURRENT, current) == 0
         assert self.write(known.TORQUE_ENABLE, 1) == 0
+
+
+@given(st.binary(max_size=200))
+def test_crc_is_the_sdks(data):
+    handler = dynamixel_sdk.PacketHandler(2.0)
+    assert compute_crc(data) == handler.updateCRC(0, data, len(data))
 
 
 def test_ping_matches_the_published_packets():
