@@ -8,6 +8,7 @@ import json
 
 from tactile_command import ask_tactile, let_rigs_home_fast
 
+from tactile_classifier.estimators import random_convolutions
 from tactile_lab.commands import train
 from tactile_lab.experiment import live_rig
 
@@ -16,6 +17,7 @@ def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypa
     """More than ten seconds: the demo trains models, and its trials and its replay run live."""
     # Cross-validation is tested where evaluations are.
     monkeypatch.setattr(train, 'train_models', partial(train.train_models, repetitions=1, folds=2))
+    monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
     quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
     monkeypatch.setattr(live_rig, 'LiveSetup', partial(live_rig.LiveSetup, parameters=quick))
     let_rigs_home_fast(monkeypatch.setattr)
