@@ -127,7 +127,7 @@ DetrendOption = Annotated[
         **choice('none', 'mean', 'linear'),
         help='Texture: subtract nothing, the mean (as in the paper) or the least-squares line '
         'before the Fourier transform. Default: as recorded; for an archive, the default of the '
-        'features node.',
+        'feature node.',
     ),
 ]
 FoldsOption = Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')]

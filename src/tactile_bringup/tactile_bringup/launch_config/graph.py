@@ -117,7 +117,7 @@ class ModelChoice:
         """Return the models at a path or, if the path is empty, the models of a parameter file.
 
         ``given`` is the path, and ``stated`` the contents of the parameter file. Models that the
-        file states for the features node or for the classifier node are used for both nodes. See
+        file states for the feature node or for the classifier node are used for both nodes. See
         `read` for the other arguments.
         """
         of_classifier, of_features = stated.get(CLASSIFIER_NODE, {}), stated.get(FEATURES_NODE, {})
@@ -188,7 +188,7 @@ def sensor_parameters(
     """Return the parameters of a sensor node that follow from arguments.
 
     Return None if the finger has no sensor node. If the sensor is a topic, its rate is the one in
-    ``stated``, for the sensor node or for the features node. If there is none, the sensor node
+    ``stated``, for the sensor node or for the feature node. If there is none, the sensor node
     measures the rate.
 
     Parameters

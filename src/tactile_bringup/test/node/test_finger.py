@@ -69,7 +69,7 @@ class Board:
 
 
 class Finger:
-    """Sensor and features nodes of one process, and all blocks that features took."""
+    """Sensor node and feature node of one process, and all blocks that the feature node took."""
 
     def __init__(self, context, board, namespace='', **of_features):
         descriptions = [

@@ -501,7 +501,7 @@ def judge(
     parts = [f'{audit.sample_count} samples, complete']
     lack: str | None = None
     if window is None:
-        lack = 'the features node published no window; see its log for the reason'
+        lack = 'the feature node published no window; see its log for the reason'
     elif window.outcome != WindowOutcome.OK:
         lack = f'no features: {window.reason}'
     if lack is not None:
