@@ -128,7 +128,7 @@ def launch_setup(context):
 
         # -- the nodes -------------------------------------------------------------------------
         if sensor is not None:
-            # tension from the load cell: strain
+            # reads the load cell, and publishes the tension on strain
             nodes.append(
                 Node(
                     package='tendon_sensor_driver',
@@ -143,7 +143,7 @@ def launch_setup(context):
                     **process,
                 )
             )
-        # windows to feature vectors
+        # computes a feature vector from each window
         nodes.append(
             Node(
                 package='tactile_features',
@@ -154,7 +154,7 @@ def launch_setup(context):
             )
         )
         if models:
-            # feature vectors to labels
+            # computes a label from each feature vector
             nodes.append(
                 Node(
                     package='tactile_classifier',
@@ -165,7 +165,7 @@ def launch_setup(context):
                 )
             )
         if record := arguments.path('record'):
-            # one bag per finger
+            # records each finger in a separate bag
             recorder = recorder_parameters(
                 record / finger,
                 namespaces=[namespace],
@@ -178,7 +178,7 @@ def launch_setup(context):
                     executable='bag_recorder_node',
                     name='bag_recorder',
                     parameters=[file, recorder, common],
-                    # a restarted recorder cannot continue a bag
+                    # not restarted, because a recorder cannot continue a bag
                     **{**process, 'respawn': False},
                 )
             )

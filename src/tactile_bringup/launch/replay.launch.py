@@ -29,7 +29,7 @@ ARGUMENTS = [
         description='folder of model files, or one file. Default: the models that were used '
         'during the recording, if any',
     ),
-    # /clock has the time of the recording; namespace selects one finger
+    # the time comes from /clock; namespace selects one finger of the recording
     *shared_arguments(use_sim_time='true', respawn='false'),
 ]
 
@@ -59,7 +59,7 @@ def launch_setup(context):
             )
             of_models = models.parameters if models else {}
             recorded = dataclasses.asdict(recorded_features(bag, namespace).config)
-            # windows to feature vectors
+            # computes a feature vector from each window
             nodes.append(
                 Node(
                     package='tactile_features',
@@ -71,7 +71,7 @@ def launch_setup(context):
                 )
             )
             if models:
-                # feature vectors to labels
+                # computes a label from each feature vector
                 has_classifier = True
                 nodes.append(
                     Node(

@@ -145,7 +145,7 @@ def launch_setup(context):
         simulated=simulated,
     )
     if sensor is not None:
-        # tension from the load cell: strain
+        # reads the load cell, and publishes the tension on strain
         nodes.append(
             Node(
                 package='tendon_sensor_driver',
@@ -157,7 +157,7 @@ def launch_setup(context):
         )
     of_tendon = simulated_tendon_parameters(stated) if simulated else {}
     nodes += [
-        # the linear guide: action move, home
+        # linear guide, with the actions move and home
         Node(
             package='linear_guide_driver',
             executable='linear_guide_node',
@@ -165,16 +165,16 @@ def launch_setup(context):
             parameters=[CONFIG, file, {'port': ports['guide']}, common],
             **process,
         ),
-        # the tendon: action pull, release
+        # tendon actuator, with the action pull and the service release
         Node(
             package='linear_guide_driver',
             executable='tendon_actuator_node',
             name='tendon_actuator',
             parameters=[CONFIG, file, {'port': ports['tendon']}, of_tendon, common],
-            # a driver that died may have left the tendon taut
+            # restarted, because a driver that died may have left the tendon taut
             **{**process, 'respawn_delay': 0.2},
         ),
-        # trials by the protocol: action run_trial, events
+        # runs trials of the protocol (action run_trial), and publishes events
         Node(
             package='tactile_bringup',
             executable='trial_runner_node',
@@ -182,7 +182,7 @@ def launch_setup(context):
             parameters=[CONFIG, file, common],
             **process,
         ),
-        # windows to feature vectors
+        # computes a feature vector from each window
         Node(
             package='tactile_features',
             executable='tactile_features_node',
@@ -192,7 +192,7 @@ def launch_setup(context):
         ),
     ]
     if models:
-        # feature vectors to labels
+        # computes a label from each feature vector
         nodes.append(
             Node(
                 package='tactile_classifier',
@@ -212,7 +212,7 @@ def launch_setup(context):
                 executable='bag_recorder_node',
                 name='bag_recorder',
                 parameters=[CONFIG, file, recorder, common],
-                # a restarted recorder cannot continue a bag
+                # not restarted, because a recorder cannot continue a bag
                 **{**process, 'respawn': False},
             )
         )
