@@ -174,9 +174,9 @@ def waveform_table(**arguments):
 def test_without_numba_every_bit_is_the_same(
     few_features, monkeypatch, channels, samples, classes, offset
 ):
-    trials = make_trials(channels, samples, classes, offset=offset)
-    values = trials.x.reshape(len(trials), -1)
-    compiled = RandomConvolutionClassifier(channels).fit(values[::2], trials.label[::2])
+    x, labels = make_trials(channels, samples, classes, offset=offset)
+    values = x.reshape(len(x), -1)
+    compiled = RandomConvolutionClassifier(channels).fit(values[::2], labels[::2])
     expected = compiled.decision_function(values[1::2])
     assert convolutions_module.load_loops(16) is not convolutions_module
     with monkeypatch.context() as patch:
@@ -185,7 +185,7 @@ def test_without_numba_every_bit_is_the_same(
         # An attribute of the package would be found in place of the module.
         patch.delattr('tactile_classifier.estimators.compiled_convolutions')
         assert convolutions_module.load_loops(16) is convolutions_module
-        plain = RandomConvolutionClassifier(channels).fit(values[::2], trials.label[::2])
+        plain = RandomConvolutionClassifier(channels).fit(values[::2], labels[::2])
         np.testing.assert_array_equal(plain.decision_function(values[1::2]), expected)
     for one, other in zip(plain.convolutions_, compiled.convolutions_, strict=True):
         np.testing.assert_array_equal(one.biases, other.biases)
@@ -198,7 +198,7 @@ def test_the_model_file_answers_as_the_estimator(few_features, channels, classes
     trained = train(table, 'rocket')
     model = write_model(tmp_path / 'm.npz', trained)
     assert (model.manifest.classifier, model.manifest.scaling) == ('rocket', 'none')
-    others = make_trials(channels, classes=classes, seed=1).x.reshape(len(table), -1)
+    others = make_trials(channels, classes=classes, seed=1)[0].reshape(len(table), -1)
     found = model.compute(others)
     raw = compute_raw_scores(trained.estimator, others)
     answer = np.array(model.labels)[found.answer]
@@ -270,8 +270,8 @@ def test_a_waveform_is_told_by_its_shape_and_its_level_alone(few_features):
     # A level of a tenth of the noise of one sample, under a large offset.
     level = 1e4 + rng.normal(size=(60, 50)) + (labels == 'high')[:, None]
     # An offset that single precision cannot hold leaves the shape.
-    shape = make_trials(offset=1e9, each=20)
-    for values, known in ((level, labels), (shape.x[:, 0], shape.label)):
+    shape, plates = make_trials(offset=1e9, each=20)
+    for values, known in ((level, labels), (shape[:, 0], plates)):
         model = RandomConvolutionClassifier().fit(values[::3], known[::3])
         test = np.arange(60) % 3 > 0
         assert np.mean(model.predict(values[test]) == known[test]) > 0.9

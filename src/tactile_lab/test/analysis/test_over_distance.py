@@ -92,7 +92,7 @@ def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive):
         ({'speed-column': 'label'}, 'give the numeric column'),
         ({'speed-column': 'speed'}, 'end in its unit'),
         ({'task': 'stiffness'}, 'use --task texture'),
-        ({'over': '100:0.5'}, 'row 0: it has 200 samples'),
+        ({'over': '100:0.5'}, 'trial 0: it has 200 samples'),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_sentence(archive, fields, sentence):
