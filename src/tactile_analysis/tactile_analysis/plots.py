@@ -25,7 +25,7 @@ TRACE_COLOUR = '#2a6fb0'
 MARK_COLOUR = '#c0392b'
 
 UNKNOWN_UNITS = ('', 'raw')
-"""Units of a recording without a stated unit."""
+"""Units that mean that the unit of a recording is not known."""
 
 PHASE_COLOURS: dict[str | None, str] = {
     None: '#909090',
@@ -34,7 +34,7 @@ PHASE_COLOURS: dict[str | None, str] = {
     'hold': '#5aae61',
     'release': '#e08214',
 }
-"""Colours of the phases, which the live page uses, too; None: all others, without contact."""
+"""Colours of the phases, as on the live page. The key None is for all other phases."""
 
 
 def plot_strain(
@@ -60,10 +60,10 @@ def plot_strain(
 def plot_signals(
     path: Path, signals: Sequence[tuple[str, Signal]], window_s: float | None = None
 ) -> None:
-    """Draw trials of other software, one panel each, with all channels and their unit.
+    """Draw trials recorded by other software: one panel per trial, with all channels.
 
-    ``signals`` are titles and signals. ``window_s`` is the window of the features, from the start
-    [s].
+    ``signals`` are pairs of title and signal. ``window_s`` is the length of the feature window,
+    which begins with the trial [s].
     """
     figure = Figure(figsize=(9, 1.2 + 2.8 * len(signals)), layout='constrained')
     panels = np.ravel(figure.subplots(len(signals), 1, squeeze=False))
@@ -86,10 +86,10 @@ def plot_signals(
 
 
 def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
-    """Draw the trials of an experiment: one row per object, column per contact, colour per
-    session.
+    """Draw the trials of an experiment: a row per object, a column per contact.
 
-    Times are relative to the contact, if there is one. Excluded trials are grey.
+    Each session has a colour; excluded trials are grey. Times count from the start of the touch
+    phase, if there is one.
     """
     objects = sorted({trial.label for trial in trials})
     contacts = sorted({trial.contact for trial in trials})
@@ -128,9 +128,9 @@ def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
 def plot_accuracy_by_length(
     path: Path, curves: Mapping[str, Sequence[tuple[float, float]]], *, simulated: bool
 ) -> None:
-    """Draw the error of models against the length of their window.
+    """Draw the error rate of models against the length of their window.
 
-    ``curves`` has, by model, pairs of window length [s] and accuracy [1].
+    ``curves`` has a list of pairs for each model: window length [s] and accuracy [1].
     """
     figure = Figure(figsize=(6.2, 3.6), layout='constrained')
     axes = figure.subplots()
@@ -147,9 +147,9 @@ def plot_accuracy_by_length(
 
 
 def legend_outside(figure: Figure, loc: str, **options: Any) -> None:
-    """Draw a legend of a whole figure outside the panels of its constrained layout.
+    """Draw the legend of a figure with constrained layout outside its panels.
 
-    Matplotlib supports this with ``loc='outside ...'``, but only from 3.7 on.
+    Matplotlib supports this as ``loc='outside ...'`` from version 3.7 on.
 
     Parameters
     ----------
@@ -182,9 +182,9 @@ def draw_strain(
 ) -> None:
     """Draw the tension of one trial with its phases.
 
-    ``phases`` are names, starts and ends; ``window_s`` is the first and last sample of the window
-    of the features; all times [s] are on the axis of ``time_s``. ``line`` is drawn over the
-    window: slope [N/s], and intercept [N] at the start of the window.
+    ``phases`` are tuples of name, start and end. ``window_s`` are the times of the first and the
+    last sample of the feature window. All times [s] count from the same moment as ``time_s``.
+    ``line`` is drawn over the window: slope [N/s], and intercept at the start of the window [N].
     """
     shade_phases(axes, phases)
     axes.plot(time_s, tension_n, color=TRACE_COLOUR, lw=1)
@@ -211,12 +211,12 @@ def draw_strain(
 
 
 def label_axis(quantity: str, unit: str) -> str:
-    """Return the label of an axis, which says if the unit is unknown."""
+    """Return the label of an axis: the quantity with its unit, or a remark if it is unknown."""
     return f'{quantity} (unit unknown)' if unit in UNKNOWN_UNITS else f'{quantity} [{unit}]'
 
 
 def shade_phases(axes: Axes, phases: Sequence[tuple[str, float, float]]) -> None:
-    """Colour each phase, with grey for phases without contact, and label long ones."""
+    """Shade each phase in its colour, and write the names of long phases."""
     for name, start, end in phases:
         axes.axvspan(
             start, end, color=PHASE_COLOURS.get(name, PHASE_COLOURS[None]), alpha=0.18, lw=0
@@ -241,7 +241,8 @@ def plot_spectra(
 ) -> None:
     """Draw one amplitude spectrum per texture to a PNG file, with common axis limits.
 
-    ``spectra`` are labels and amplitudes [N] of shape (k,), like ``frequency_hz`` [Hz].
+    ``spectra`` are pairs of label and amplitudes [N]. The amplitudes and ``frequency_hz`` [Hz]
+    have shape (k,).
     """
     rows = (len(spectra) + 1) // 2
     figure = Figure(figsize=(9, 1.5 * rows + 0.8), layout='constrained')
@@ -261,8 +262,8 @@ def draw_spectrum(
     axes: Axes, frequency_hz: NDArray[np.float64], amplitude: NDArray[np.float64]
 ) -> None:
     """Draw one amplitude spectrum, in the unit of its amplitudes."""
-    # Logarithmic, because the trend of creep is much higher than the peaks of the grooves. The
-    # amplitude at zero is omitted: it belongs to the mean, which has been subtracted.
+    # The scale is logarithmic, because creep of the finger causes much larger amplitudes at low
+    # frequencies than the grooves. Frequency zero is omitted: the mean has been subtracted.
     above = frequency_hz > 0
     axes.semilogy(frequency_hz[above], amplitude[above], color=TRACE_COLOUR, lw=1)
     axes.grid(alpha=0.3)

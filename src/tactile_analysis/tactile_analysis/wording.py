@@ -72,7 +72,7 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
         parts.insert(1, f'± standard deviation over {first.spread_of}')
     if intervals and any(not score.interval.reason for score in evaluation.scores):
         coverage = format_coverage(first.spread_of, [score.mean for score in evaluation.scores])
-        parts.insert(-1, f'in brackets the 95 % interval{coverage}')
+        parts.insert(-1, f'in brackets: 95 % interval{coverage}')
     return '; '.join(parts)
 
 
@@ -83,7 +83,10 @@ def format_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
 
 
 def describe_answers(manifest: Manifest) -> list[str]:
-    """Describe the quality of probabilities and threshold on held-out trials."""
+    """Return sentences about a model's probabilities and its threshold for unknown objects.
+
+    The numbers in them were measured on held-out trials.
+    """
     from tactile_classifier.model_file.manifest import (
         describe_scope,
         describe_thresholds,
@@ -92,12 +95,15 @@ def describe_answers(manifest: Manifest) -> list[str]:
     )
 
     if 'reason' in manifest.calibration:
-        return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
+        return [
+            f'no probabilities, and no detection of unknown objects: '
+            f'{manifest.calibration["reason"]}'
+        ]
     whole = manifest.confidence
     sentences = [
         f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
-        f'before, {100 * whole.calibration_error_after:.1f} % after; by '
-        f'{manifest.calibration["split"]}'
+        f'before calibration, {100 * whole.calibration_error_after:.1f} % after it '
+        f'({manifest.calibration["split"]})'
     ]
     if manifest.score_kind != PROBABILITY:
         sentences.append(f'scores: {format_scores(manifest)}')

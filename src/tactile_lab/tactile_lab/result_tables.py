@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def choice_table(choice: FeatureChoice, title: str) -> Table:
-    """Return the accuracies [%] of all candidates on the split of the choice, with their spread.
+    """Return the accuracies [%] of all candidates of an automatic choice, with their spread.
 
     The last row is the nested accuracy of the selection procedure.
     """
@@ -35,7 +35,7 @@ def choice_table(choice: FeatureChoice, title: str) -> Table:
 
 
 def recall_table(score: Score) -> Table:
-    """Return the recall [%] of each label, with the number of tests."""
+    """Return the recall [%] of each label, with the number of its tests."""
     table = Table('label', 'tests', 'recall', title='recall by label in %', right_from=1)
     counts = score.confusion.sum(axis=1)
     for label, count, share in zip(score.labels, counts, score.recall, strict=True):
@@ -81,7 +81,7 @@ def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = Fals
 
 
 def format_evaluation(found: ModelEvaluation) -> list[str | Table]:
-    """Return the accuracy of the models as a table and sentences."""
+    """Return the accuracy of one or two models as a table, followed by sentences."""
     sides = 'AB'[: len(found.models)]
     table = Table('', *sides, title=found.title, right_from=1)
     scores = found.scores
@@ -98,7 +98,7 @@ def format_evaluation(found: ModelEvaluation) -> list[str | Table]:
     table.add_row('unknown', *(f'{100 * score.unknown_rate:.1f} %' for score in scores))
     table.add_row('no answer', *(f'{100 * score.no_answer_rate:.1f} %' for score in scores))
     table.add_row(
-        'left out: trained on', *(str(model['training_trials']) for model in found.models)
+        'excluded training trials', *(str(model['training_trials']) for model in found.models)
     )
     over = f'{found.trials} trials' + (f' of {found.sessions} sessions' if found.sessions else '')
     lines = [
@@ -114,11 +114,13 @@ def format_evaluation(found: ModelEvaluation) -> list[str | Table]:
             for side, rate in zip(sides, new.unknown_rates, strict=True)
         )
         lines.append(
-            f'excluded: {new.trials} trials with other labels ({", ".join(new.labels)}); '
-            f'unknown: {rates}'
+            f'excluded: {new.trials} trials with labels that the models do not know '
+            f'({", ".join(new.labels)}); predicted as unknown: {rates}'
         )
     if found.left_out:
-        lines.append(f'trials without features: {len(found.left_out)}; first: {found.left_out[0]}')
+        lines.append(
+            f'trials without features: {len(found.left_out)}; the first: {found.left_out[0]}'
+        )
     lines += (f'warning: {warning}' for warning in found.warnings)
     return [table, *(f'  {line}' for line in lines)]
 
@@ -131,6 +133,6 @@ def _format_difference(found: AccuracyDifference) -> str:
         low, high = 100 * interval.low, 100 * interval.high
         span = f'95 % interval {low:+.1f} to {high:+.1f}, {interval.method}'
     return (
-        f'B - A: {100 * found.difference:+.1f} points ({span}); only A correct: {found.only_a}, '
-        f'only B: {found.only_b}; exact McNemar p = {found.p_value:.2g}'
+        f'B - A: {100 * found.difference:+.1f} points ({span}); trials that only A predicts '
+        f'correctly: {found.only_a}, only B: {found.only_b}; exact McNemar p = {found.p_value:.2g}'
     )

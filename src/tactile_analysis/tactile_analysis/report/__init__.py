@@ -1,10 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The evaluation of recordings as one page.
+"""The evaluation of recordings as an HTML page.
 
-- `recordings`, `analysis`, `answers`: sets of trials and their results, without matplotlib.
-- `summary`, `significance`: results in words.
+- `recordings`, `analysis`: sets of trials and their results. These modules do not import
+  matplotlib.
+- `summary`, `significance`: results as sentences.
 - `drawings`, `svg`: figures with text alternatives.
-- `build`: the HTML file, from the templates of the folder ``templates``.
+- `build`: the HTML file, from the templates in the folder ``templates``.
 """

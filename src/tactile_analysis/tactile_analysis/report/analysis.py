@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All analyses of the report on one set of trials, as parts of one list of work."""
+"""All analyses of the report. The analyses of all sets of trials run in one pool of workers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TYPE_CHECKING, TypeVar
 
-from tactile_analysis.report.answers import answer, Answers
 from tactile_analysis.report.recordings import RecordingSet
 from tactile_classifier.datasets.conditions import find_mountings, find_strata
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
@@ -21,7 +20,7 @@ from tactile_classifier.datasets.splits import (
     Split,
     stratified_split,
 )
-from tactile_classifier.errors import EvaluationError
+from tactile_classifier.errors import ClassifierError, EvaluationError
 from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation, Score
 from tactile_classifier.evaluation.learning_curve import LearningCurve, measure_learning_curve
 from tactile_classifier.evaluation.permutation import measure_permutation, PermutationBaseline
@@ -29,10 +28,19 @@ from tactile_classifier.evaluation.plans import Attempt, Plan, run_plans
 from tactile_classifier.evaluation.reliability import cross_validate_reliability, Reliability
 from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
 from tactile_features.types import PROTOCOL_STIFFNESS
+from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_analysis.datasets.automatic_features import Chosen
     from tactile_classifier.evaluation.feature_selection import SelectionResult
+    from tactile_classifier.evaluation.open_set import OpenSetEvaluation
+
+CLASSIFIER = 'knn'
+"""Classifier that is compared over all splits, and with which unknown objects are evaluated: the
+default classifier of `tactile train`, with its default scaling."""
+
+FALSE_ALARM_RATE = 0.05
+"""Stated rate of false rejection in the evaluation of unknown objects."""
 
 _Result = TypeVar('_Result')
 
@@ -44,21 +52,23 @@ class SetResult:
     Attributes
     ----------
     evaluations : tuple of Evaluation
-        Random folds first, then one for each grouped split, then one for each stated split.
+        The evaluation with random folds first, then one for each grouped split, then one for each
+        pair of training and test trials that the user has selected.
     not_done : tuple of str
-        One sentence for each analysis that the trials do not allow.
-    answers : Answers or None
-        None where they were not requested.
+        One sentence for each analysis that these trials do not allow.
+    open_set : OpenSetEvaluation or None
+        Rejection of unknown objects; None if it was not requested, or the trials do not allow it.
     stated : Evaluation or None
-        The chosen classifier on the stated trials to test on, if there are any.
+        Accuracy of the chosen classifier on the test trials that the user has selected; None if
+        the user has not selected any.
     permuted : PermutationBaseline or None
-        Accuracy of the chosen classifier on permuted labels; None where it was not requested.
+        Accuracy of the chosen classifier on permuted labels; None if it was not requested.
     curve : LearningCurve or None
-        Accuracy of the chosen classifier against the number of training groups; None where there
-        are no groups to hold out, or too few.
+        Accuracy of the chosen classifier against the number of training groups; None if there are
+        too few groups.
     reliability : Reliability or None
-        Calibration of the chosen classifier on held-out trials; None where it was not requested,
-        or the trials do not allow it.
+        Calibration of the chosen classifier on held-out trials; None if it was not requested, or
+        the trials do not allow it.
     """
 
     recordings: RecordingSet
@@ -66,7 +76,7 @@ class SetResult:
     selections: tuple[SelectionResult, ...]
     significance: RankSum
     not_done: tuple[str, ...]
-    answers: Answers | None = None
+    open_set: OpenSetEvaluation | None = None
     stated: Evaluation | None = None
     permuted: PermutationBaseline | None = None
     curve: LearningCurve | None = None
@@ -74,9 +84,10 @@ class SetResult:
 
     @property
     def headline(self) -> Score:
-        """The score of the model that `tactile train` would write, by trials that did not choose.
+        """Accuracy of the model that `tactile train` would write, on trials not used to choose it.
 
-        It is the nested one of the choice, or on the stated trials to test on.
+        If the user has selected test trials, it is the accuracy on these. Otherwise, it is the
+        nested accuracy of the automatic choice.
         """
         if self.stated is not None:
             return self.stated.scores[0]
@@ -85,36 +96,36 @@ class SetResult:
 
     @property
     def tested(self) -> int:
-        """Number of trials that the headline counts; each is tested once."""
+        """Number of trials behind `headline`; each trial is tested once."""
         return int(self.headline.confusion.sum())
 
     @property
     def chance(self) -> float:
-        """Accuracy of always naming the commonest label of these trials [1]."""
+        """Accuracy of a classifier that always predicts the most frequent label [1]."""
         return float(self.headline.confusion.sum(axis=1).max() / self.tested)
 
     @property
     def end_to_end(self) -> float:
-        """The accuracy of the headline with refused trials counted as wrong [1]."""
+        """Accuracy of `headline` if trials without features are counted as wrong [1]."""
         return self.headline.mean * self.tested / (self.tested + self.recordings.table.refused)
 
     @property
     def name(self) -> str:
-        """The contact, or else the title of the recordings."""
+        """The contact; the title of the recordings if the contact is not known."""
         return self.recordings.contact or self.recordings.title
 
     @property
     def of_holds(self) -> bool:
-        """Whether these are stiffness trials."""
+        """True if these are stiffness trials."""
         return self.recordings.table.task == PROTOCOL_STIFFNESS
 
     @property
     def plain(self) -> Evaluation:
-        """The evaluation by random folds; the first other one where these cannot be made."""
+        """The evaluation with random folds; if they are impossible, the first other evaluation."""
         return self.evaluations[0]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON."""
+        """Return the result as a dictionary for JSON."""
         recordings, spec = self.recordings, self.recordings.table.spec
         return {
             'title': recordings.title,
@@ -144,7 +155,7 @@ class SetResult:
                 'p': self.significance.p.tolist() if self.of_holds else None,
                 'auc': self.significance.auc.tolist() if self.of_holds else None,
             },
-            'answers': self.answers and self.answers.to_dict(),
+            'unknown_objects': self.open_set and self.open_set.to_dict(),
             'not_done': list(self.not_done),
             'prepared': list(recordings.steps),
             'skipped': list(recordings.skipped),
@@ -152,7 +163,7 @@ class SetResult:
 
 
 Plans = dict[str, list[Plan[Any]]]
-"""By the field of `SetResult` that comes of them."""
+"""The analyses of a set. The keys are the fields of `SetResult` for their results."""
 
 
 def _plan_set(
@@ -163,7 +174,7 @@ def _plan_set(
     *,
     details: bool,
 ) -> tuple[Plans, list[str]]:
-    """Return the work on one set, and a sentence for each analysis that is left out."""
+    """Return the analyses of one set, and a sentence for each analysis that is omitted."""
     table = recordings.table
     repetitions, saving = choose_repetitions(table, repetitions)
     not_done = [*([saving] if saving else []), *recordings.not_done]
@@ -184,19 +195,21 @@ def _plan_set(
         plans['permuted'] = _plan_permutation(recordings.choice, folds, random_state)
         plans['reliability'] = _plan_reliability(recordings.choice)
     if details and saving:
-        not_done.append('feature selection: left out of a large table without --repetitions')
+        not_done.append(
+            'feature selection: omitted, because the table is large; use --repetitions'
+        )
     elif details:
         plans['selections'] = _plan_selection(table, splits, random_state, not_done)
-    if recordings.answers:
+    if recordings.unknown_objects:
         hold_out = next(iter(recordings.hold_out), ())
-        plans['answers'] = [Attempt(answer, table, tuple(hold_out))]
+        plans['open_set'] = [Attempt(evaluate_unknown_objects, table, tuple(hold_out))]
     return plans, not_done
 
 
 def _divide(
     recordings: RecordingSet, folds: int, repetitions: int, random_state: int
 ) -> tuple[list[Split], list[str]]:
-    """Return random folds and grouped splits, and a sentence for each that cannot be done."""
+    """Return random folds and grouped splits, and a sentence for each impossible split."""
     table, impossible = recordings.table, list[str]()
     stratified = partial(stratified_split, table, folds, repetitions, random_state)
     splits = _try('random folds', stratified, impossible)
@@ -207,7 +220,7 @@ def _divide(
 
 
 def _plan_permutation(chosen: Chosen, folds: int, random_state: int) -> list[Plan[Any]]:
-    """Return the baseline under the split that tests the choice."""
+    """Return the analysis of permuted labels, with the split that tests the automatic choice."""
     table, (_, classifier, scaling) = chosen.table, chosen.choice.chosen
     if chosen.splits:
         (split,) = chosen.splits
@@ -221,11 +234,16 @@ def _plan_permutation(chosen: Chosen, folds: int, random_state: int) -> list[Pla
 def _plan_curve(
     chosen: Chosen, saving: str, random_state: int, not_done: list[str]
 ) -> list[Plan[Any]]:
-    """Return the learning curve over the groups that were held out for the choice."""
+    """Return the learning curve over the groups that the automatic choice has held out.
+
+    If there are no groups, add the reason to ``not_done``.
+    """
     if chosen.splits or saving:
         return []
     if not chosen.columns:
-        not_done.append('learning curve: there are no sessions or other groups to hold out')
+        not_done.append(
+            'learning curve: impossible, because there are no sessions or other groups to hold out'
+        )
         return []
     _, classifier, scaling = chosen.choice.chosen
     arguments = chosen.table, chosen.columns, classifier, scaling, random_state
@@ -243,7 +261,7 @@ def _plan_selection(
     from tactile_classifier.evaluation.feature_selection import SelectionPlan
 
     if table.values.shape[1] < 2:
-        not_done.append('feature selection: there is one feature only')
+        not_done.append('feature selection: impossible, because there is only one feature')
         return []
     plans: list[Plan[Any]] = []
     for split in splits:
@@ -252,8 +270,29 @@ def _plan_selection(
     return plans
 
 
+def evaluate_unknown_objects(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetEvaluation:
+    """Evaluate the rejection of unknown objects; each label is left out of the training once.
+
+    Trials that have equal values in all columns ``hold_out`` are held out together. If
+    ``hold_out`` is empty, the folds are random.
+
+    Raises `EvaluationError` when the trials do not allow it.
+    """
+    from tactile_classifier.evaluation.open_set import evaluate_open_set  # builds models: slow
+
+    try:
+        return evaluate_open_set(
+            table, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
+        )
+    except (TactileError, ClassifierError) as error:
+        raise EvaluationError(str(error)) from error
+
+
 def _try(name: str, work: Callable[[], _Result], not_done: list[str]) -> list[_Result]:
-    """Return the result; none, and a sentence more, where the trials do not allow it."""
+    """Return the result of ``work`` in a list.
+
+    If the trials do not allow the work, return an empty list and add the reason to ``not_done``.
+    """
     try:
         return [work()]
     except EvaluationError as error:
@@ -267,7 +306,10 @@ def _finish_set(
     table, not_done = recordings.table, list(not_done)
 
     def take(name: str, title: str) -> Any:
-        """Return the result; None where there is none, and the reason if it was attempted."""
+        """Return the result of an analysis, or None.
+
+        If the analysis was tried and failed, add the reason to ``not_done``.
+        """
         result = next(iter(found.get(name, ())), None)
         if not isinstance(result, EvaluationError):
             return result
@@ -277,14 +319,14 @@ def _finish_set(
     curve = take('curve', 'learning curve')
     permuted = take('permuted', 'permuted labels')
     reliability = take('reliability', 'calibration')
-    answers = take('answers', 'unknown objects')
+    open_set = take('open_set', 'unknown objects')
     return SetResult(
         recordings,
         tuple(found['evaluations']),
         tuple(result for results in found.get('selections', ()) for result in results),
         rank_sum_p_values(table.values, table.labels, find_strata(table), find_mountings(table)),
-        (*not_done, *(answers.not_done if answers else ())),
-        answers,
+        tuple(not_done),
+        open_set,
         stated=next(iter(found.get('stated', ())), None),
         permuted=permuted,
         curve=curve,
@@ -302,17 +344,26 @@ def analyse(
     jobs: int | None = -1,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[SetResult]:
-    """Evaluate all sets under plain folds and their grouped splits.
+    """Run all analyses of the report on each set of trials.
 
-    Sets with extras also get what a model says besides a label, under the first grouped split.
-    Without ``details`` accuracies only: no feature selection.
+    Each set is evaluated with random folds and with its grouped splits.
 
-    ``not_done`` names the splits and analyses that the trials do not allow.
+    Parameters
+    ----------
+    folds, repetitions : int
+        Number of random folds, and of repetitions; None selects the number of repetitions by the
+        size of the table.
+    details : bool
+        Also run the slow analyses: permuted labels, calibration and feature selection.
+    jobs : int
+        Number of workers as in joblib; -1 for all cores.
+    progress : callable
+        Called with the number of finished tasks and of all tasks.
 
     Raises
     ------
     EvaluationError
-        When the trials of a set allow no split.
+        When the trials of a set do not allow any split.
     """
     planned = [_plan_set(each, folds, repetitions, random_state, details=details) for each in sets]
     work = [plan for plans, _ in planned for some in plans.values() for plan in some]

@@ -1,7 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report as one HTML file that needs no other; its order and its prose are the templates'."""
+"""The report as one self-contained HTML file.
+
+The templates contain the order of the sections and the text.
+"""
 
 from __future__ import annotations
 
@@ -41,12 +44,16 @@ FILE_NAME = 'report.html'
 
 
 def report_path(path: Path) -> Path:
-    """Return the file that a report goes to: itself, or one of a folder, which is made."""
+    """Return the HTML file of a report, and create its folder.
+
+    ``path`` is the HTML file, or a folder, in which the file is named `FILE_NAME`. Raises
+    `TactileError` when the file cannot be written.
+    """
     file = path if path.suffix.lower() in ('.html', '.htm') else path / FILE_NAME
     with named_errors('write the report', file):
         file.parent.mkdir(parents=True, exist_ok=True)
         existed = file.exists()
-        file.open('a').close()  # before the work, not after it
+        file.open('a').close()  # fails now rather than after a long evaluation
         if not existed:
             file.unlink()
     return file
@@ -55,10 +62,10 @@ def report_path(path: Path) -> Path:
 def build_page(
     results: Sequence[SetResult], sources: Sequence[Source], settings: Mapping[str, str]
 ) -> str:
-    """Return the report as HTML. It states the settings, and the versions of libraries.
+    """Return the report as HTML, with the settings and the versions of the libraries.
 
-    The templates escape all text. They call the functions of this package that make texts and
-    figures of results.
+    The templates escape all text. They call the functions in `_FUNCTIONS`, which return the texts
+    and figures.
     """
     environment = Environment(
         loader=PackageLoader('tactile_analysis.report'),
@@ -89,14 +96,14 @@ def build_page(
 
 
 def format_split(result: SetResult, each: OpenSetEvaluation) -> str:
-    """Return task, model and split of an evaluation of answers."""
+    """Return task, classifier and split of an evaluation of unknown objects."""
     return f'{result.recordings.table.task}: {format_classifier(each)}, {each.split}'
 
 
 _FUNCTIONS: Sequence[Callable[..., Any]] = (
     drawings.draw_accuracies,
-    drawings.draw_answers,
     drawings.draw_confusion,
+    drawings.draw_headline_confusion,
     drawings.draw_learning_curve,
     drawings.draw_open_set,
     drawings.draw_reliability,

@@ -67,11 +67,11 @@ _GROUP_MARKS = 'Dovs'
 _SMALLEST_P = 1e-16
 
 
-# -- the picture at the top -------------------------------------------------------------
+# -- first section ----------------------------------------------------------------------
 
 
 def draw_split_accuracies(result: SetResult) -> Drawing:
-    """Draw the accuracy of the chosen model, and of three nearest neighbours by split."""
+    """Draw the accuracy of the chosen model, and of a fixed classifier for each split."""
     usual = [usual_score(result, evaluation) for evaluation in result.evaluations]
     scores = [*reversed(usual), result.headline]
     chosen = result.headline.classifier
@@ -97,17 +97,18 @@ def draw_split_accuracies(result: SetResult) -> Drawing:
     return render(
         draw,
         (3.4, 0.8 + 0.6 * len(scores)),
-        f'Accuracy of the chosen model ({CLASSIFIER_TITLES[chosen]}), and of '
-        f'{format_classifier(usual[0])}, by split. Points: mean over {result.tested} trials; '
-        'lines: 95 % interval, where there is one; dotted: chance '
+        f'Accuracy of the chosen model ({CLASSIFIER_TITLES[chosen]}), and accuracy of '
+        f'{format_classifier(usual[0])} for each split. Points: mean over {result.tested} trials; '
+        'lines: 95 % interval, if available; dotted: chance '
         f'({format_percent(result.plain.chance)}).',
-        f'Accuracy of the chosen model: {headline}. Of {format_classifier(usual[0])}: {means}. '
+        f'Accuracy of the chosen model: {headline}. Accuracy of {format_classifier(usual[0])}: '
+        f'{means}. '
         f'Chance: {format_percent(result.plain.chance)}.',
         simulated=result.recordings.simulated,
     )
 
 
-def draw_answers(result: SetResult) -> Drawing:
+def draw_headline_confusion(result: SetResult) -> Drawing:
     """Draw the confusion matrix of the chosen model."""
     score = result.headline
     size_in = max(1.6, 0.26 * len(score.labels))
@@ -115,13 +116,13 @@ def draw_answers(result: SetResult) -> Drawing:
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         draw_matrix(axes, confusion_shares(score), score.labels)
-        axes.set(xlabel='answer', ylabel='true')
+        axes.set(xlabel='predicted', ylabel='true')
 
     return render(
         draw,
         (0.9 + size_in, 0.9 + size_in),
-        f'Confusion matrix of the chosen model: answers in % of the trials of each true label; '
-        f'{result.tested} trials, {score.split}.',
+        'Confusion matrix of the chosen model: predicted labels in % of the trials of each true '
+        f'label; {result.tested} trials, {score.split}.',
         f'Confusion matrix, {score.split}. {_format_right(score)}',
         simulated=result.recordings.simulated,
     )
@@ -133,9 +134,12 @@ def draw_matrix(
     labels: Sequence[str],
     texts: Sequence[Sequence[str]] | None = None,
 ) -> None:
-    """Draw a matrix of numbers from 0 to 1 with a text in each cell: by default in percent."""
+    """Draw a matrix of numbers from 0 to 1, with a text in each cell.
+
+    By default, the text is the number in percent.
+    """
     edges = np.arange(len(shares) + 1) - 0.5
-    # Zero is transparent: the page is light or dark.
+    # Zero is transparent, because the background of the page may be light or dark.
     shades = LinearSegmentedColormap.from_list('shares', [(*_CELL_RGB, 0.0), (*_CELL_RGB, 1.0)])
     axes.pcolormesh(edges, edges, shares, cmap=shades, vmin=0.0, vmax=1.0)
     axes.set_aspect('equal')
@@ -154,7 +158,7 @@ def draw_matrix(
     axes.set_yticks(range(len(labels)), labels)
 
 
-# -- sessions and probabilities ---------------------------------------------------------
+# -- learning curve, calibration --------------------------------------------------------
 
 
 def draw_learning_curve(result: SetResult, curve: LearningCurve) -> Drawing:
@@ -183,16 +187,15 @@ def draw_learning_curve(result: SetResult, curve: LearningCurve) -> Drawing:
         draw,
         (3.4, 2.6),
         f'{result.recordings.title}: accuracy of {format_classifier(curve)} against the number '
-        f'of groups ({curve.group}) of each label that it is trained on. Points: mean over the '
-        'tested groups, which are never trained on; bars: 95 % interval; dotted: chance '
-        f'({chance:.1f} %).',
-        f'Accuracy by the number of training groups ({curve.group}): {found}.',
+        f'of training groups ({curve.group}). Points: mean over the test groups, which are not '
+        f'used for training; bars: 95 % interval; dotted: chance ({chance:.1f} %).',
+        f'Accuracy against the number of training groups ({curve.group}): {found}.',
         simulated=result.recordings.simulated,
     )
 
 
 def draw_reliability(result: SetResult, found: Reliability) -> Drawing:
-    """Draw the share of right answers against the stated probability."""
+    """Draw the fraction of correct predictions against the predicted probability."""
     stated = [100 * each.stated for each in found.bins]
     colour = CLASSIFIER_COLOURS[found.classifier]
 
@@ -213,7 +216,10 @@ def draw_reliability(result: SetResult, found: Reliability) -> Drawing:
                 fontsize=7,
             )
         axes.set(
-            xlim=(0, 104), ylim=(0, 104), xlabel='probability [%]', ylabel='right answers [%]'
+            xlim=(0, 104),
+            ylim=(0, 104),
+            xlabel='probability [%]',
+            ylabel='correct predictions [%]',
         )
         axes.set_aspect('equal')
         axes.grid(alpha=0.2, lw=0.5)
@@ -226,11 +232,11 @@ def draw_reliability(result: SetResult, found: Reliability) -> Drawing:
         draw,
         (3.4, 3.3),
         f'{result.recordings.title}: reliability of the probabilities of '
-        f'{format_classifier(found)}, {found.split}. Points: share of right answers against mean '
-        'probability of the answers, in bins of ten points, with their number of trials; bars: '
-        '95 % interval, with trials as independent; dotted: perfect calibration. Expected '
+        f'{format_classifier(found)}, {found.split}. Points: fraction of correct predictions '
+        'against their mean probability, in bins of 10 %, with the number of trials in each bin; '
+        'bars: 95 % interval, if trials are independent; dotted: perfect calibration. Expected '
         f'calibration error {format_percent(found.error)} with {found.trials} trials.',
-        f'Right answers by probability: {bins}. {format_reliability(result)}.',
+        f'Correct predictions by probability: {bins}. {format_reliability(result)}.',
         simulated=result.recordings.simulated,
     )
 
@@ -239,7 +245,7 @@ def draw_reliability(result: SetResult, found: Reliability) -> Drawing:
 
 
 def draw_signals(result: SetResult) -> Iterable[Drawing]:
-    """Draw windows of one trial per label, and one whole trial, if the signals are known."""
+    """Draw windows of one trial per label, and a whole stiffness trial, if signals are known."""
     recordings = result.recordings
     components = find_components(recordings.table.spec)
     if recordings.examples and components is not None:
@@ -252,7 +258,7 @@ def draw_signals(result: SetResult) -> Iterable[Drawing]:
 
 
 def draw_textures(result: SetResult, components: Components) -> Drawing:
-    """Draw one window per texture without its mean, and its spectrum."""
+    """Draw one window per texture, with its mean subtracted, and its spectrum."""
     recordings = result.recordings
     table = recordings.table
     factor, unit = (1e3, 'mN') if recordings.unit == 'N' else (1.0, recordings.unit)
@@ -281,16 +287,16 @@ def draw_textures(result: SetResult, components: Components) -> Drawing:
     return render(
         draw,
         (WIDTH_IN, 0.9 + 0.75 * len(rows)),
-        f'{recordings.title}: the first trial of each label, in time (left, mean removed) and '
-        'as amplitudes of its Fourier components (right, logarithmic).',
-        f'Signals of one trial of each label. Standard deviation and strongest {components.name} '
-        f'of each: {strongest}.',
+        f'{recordings.title}: the first trial of each label. Left: signal over time, with its '
+        'mean subtracted. Right: amplitudes of its Fourier components (logarithmic scale).',
+        'Signals of one trial of each label. Standard deviation of the signal, and '
+        f'{components.name} of the largest component: {strongest}.',
         simulated=recordings.simulated,
     )
 
 
 def draw_holds(result: SetResult) -> Drawing:
-    """Draw one window per object with its regression line."""
+    """Draw one hold window per object with its regression line."""
     recordings = result.recordings
     table = recordings.table
     examples = recordings.examples
@@ -358,9 +364,9 @@ def draw_trial(result: SetResult, row: int, trial: Trial) -> Drawing:
         draw,
         (WIDTH_IN, 3.1),
         f'{result.recordings.title}: tension over time of one trial on '
-        f'{table.labels[row]}. Phases: in contact the tendon is pulled (dynamic '
-        'deformation), in hold it is still (static deformation), in release it is slackened. The '
-        f'features come from the window between the dashed lines: {found}.',
+        f'{table.labels[row]}. In the phase contact, the tendon is tightened (dynamic '
+        'deformation). In hold, it is still (static deformation). In release, it is slackened. '
+        f'The features are computed from the window between the dashed lines: {found}.',
         f'Tension of one trial on {table.labels[row]}: up to {np.max(signal.values):.3g} '
         f'N; {phases}. Features of the window: {found}.',
         simulated=result.recordings.simulated,
@@ -392,9 +398,9 @@ def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
         (WIDTH_IN, 5.4),
         f'Accuracy of each classifier. Bars: mean of {results[0].plain.split}, with the standard '
         'deviation over repetitions. '
-        + (f'Marks: mean with whole groups held out ({marks}). ' if marks else '')
-        + 'Dots: chance.',
-        f'Accuracy of each classifier, {results[0].plain.split}. {best}. The tables below have '
+        + (f'Markers: mean with whole groups held out ({marks}). ' if marks else '')
+        + 'Dotted: chance.',
+        f'Accuracy of each classifier, {results[0].plain.split}. {best}. The tables below contain '
         'all numbers.',
         simulated=any(result.recordings.simulated for result in results),
     )
@@ -438,7 +444,10 @@ def _draw_bars(axes: Axes, results: Sequence[SetResult], scaling: str) -> None:
 
 
 def draw_confusion(result: SetResult) -> Drawing:
-    """Draw the confusion matrices of the first split: classifiers by scalings."""
+    """Draw the confusion matrices of the first split.
+
+    There is a row per classifier and a column per scaling.
+    """
     labels = result.plain.labels
     best = max(result.plain.scores, key=lambda score: score.mean)
     size_in = max(1.3, 0.2 * len(labels))
@@ -452,7 +461,7 @@ def draw_confusion(result: SetResult) -> Drawing:
                 axes.set_title(
                     f'{CLASSIFIER_TITLES[classifier]},\n{short_scaling(scaling)}', fontsize=7.5
                 )
-        figure.supxlabel('answer', fontsize=8.5)
+        figure.supxlabel('predicted', fontsize=8.5)
         figure.supylabel('true', fontsize=8.5)
 
     most = '; '.join(
@@ -474,7 +483,7 @@ def draw_confusion(result: SetResult) -> Drawing:
 
 
 def draw_significance(results: Sequence[SetResult]) -> Iterable[Drawing]:
-    """Draw the rank-sum tests of each set: by Fourier component, or as matrices of objects."""
+    """Draw the rank-sum tests of each set: over frequency, or as matrices of pairs of objects."""
     for result in results:
         components = find_components(result.recordings.table.spec)
         if result.of_holds:
@@ -502,16 +511,17 @@ def draw_mean_p(result: SetResult, components: Components) -> Drawing:
         for axes in (upper, lower):
             axes.grid(alpha=0.2, lw=0.5)
 
-    count = f'{int(above.sum())} of the {len(mean_p)} components above zero lie over {LEVEL}'
+    count = f'{int(above.sum())} of the {len(mean_p)} components have a mean p above {LEVEL}'
     least = components.frequency[np.argmin(all_mean_p)]
     return render(
         draw,
         (WIDTH_IN, 4.2),
-        f'{result.recordings.title}: rank-sum test of every two labels, mean p-value of each '
-        f'Fourier component (above), tested on {format_tested_values(result)}. {count} (dashes; '
-        f'red). {format_least_p(result)} Below: how well the component separates single trials, '
-        'as the mean over the pairs of the area under the ROC curve (AUC; 0.5: not at all, 1: '
-        'completely). p also falls with the number of tested values, the AUC does not.',
+        f'{result.recordings.title}: rank-sum tests of all pairs of labels, for each Fourier '
+        f'component above frequency zero. The tests compare {format_tested_values(result)}. '
+        f'Above: mean p-value over the pairs; dashed: {LEVEL}. {count} (red). '
+        f'{format_least_p(result) or ""} Below: area under the ROC curve (AUC), averaged over the '
+        'pairs: 0.5 if the component does not separate single trials, 1 if it separates them '
+        'completely. p also decreases with the number of compared values, the AUC does not.',
         f'Mean p-value by {components.name}: {count}; the lowest is at {least:.3g} '
         f'{components.unit}. Mean AUC: {separation.min():.2f} to {separation.max():.2f}.',
         simulated=result.recordings.simulated,
@@ -529,29 +539,32 @@ def draw_p_matrices(result: SetResult) -> Drawing:
         for axes, name, p, auc in zip(
             panels, names, significance.p, significance.auc, strict=True
         ):
-            # p above the diagonal, AUC below it.
+            # p-values above the diagonal, AUC below it.
             texts = [
                 [_short_p(p[i, j]) if i < j else f'{auc[i, j]:.2f}' for j in range(len(p))]
                 for i in range(len(p))
             ]
             for i in range(len(p)):
                 texts[i][i] = ''
-            # Filled where labels differ.
+            # A small p-value, which means that the labels differ, gets a dark cell.
             draw_matrix(axes, 1.0 - p, labels, texts)
             axes.set_title(name)
 
     pairs = list_alike_pairs(result)
     found = format_least_p(result) or (
-        f'Over {LEVEL}: {"; ".join(pairs)}.' if pairs else 'Every pair differs in each feature.'
+        f'p is above {LEVEL} for: {"; ".join(pairs)}.'
+        if pairs
+        else 'Every pair of objects differs in each feature.'
     )
     return render(
         draw,
         (3.4, 0.6 + 2.2 * len(names)),
-        f'{result.recordings.title}: rank-sum test between every two objects for '
-        f'{_list_features(result.recordings.table.spec)}, tested on '
-        f'{format_tested_values(result)}. Above the diagonal the p-value; below it how often a '
-        'trial of the row has a larger value than one of the column (AUC; 0.5: no difference). '
-        f'Filled where p is small. {found}',
+        f'{result.recordings.title}: rank-sum tests of all pairs of objects, for '
+        f'{_list_features(result.recordings.table.spec)}. The tests compare '
+        f'{format_tested_values(result)}. Above the diagonal: p-value; a small p has a dark cell. '
+        'Below the diagonal: probability that a trial of the object in the row has a larger value '
+        'than a trial of the object in the column (AUC; 0.5 means no difference). '
+        f'{found}',
         f'Matrices of p-values and AUC between objects, for {", ".join(names)}. {found}',
         simulated=result.recordings.simulated,
     )
@@ -563,7 +576,7 @@ def _short_p(p: float) -> str:
     return f'{p:.0e}'.replace('e-0', 'e-') if p > 0 else '0'
 
 
-# -- answers besides a label ------------------------------------------------------------
+# -- unknown objects --------------------------------------------------------------------
 
 
 def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
@@ -583,7 +596,7 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
                 span = (100 * unknown.interval.low, 100 * unknown.interval.high)
                 left.plot(span, (y, y), '-', color=INK, lw=1)
         left.axvline(50, ls=':', lw=1, color=INK)
-        left.set(title='separated from known', xlabel='AUROC [%]')
+        left.set(title='known or unknown', xlabel='AUROC [%]')
         middle.barh(at, misses, 0.65, color='#c0392b')
         middle.set(title='missed', xlabel='of unknown trials [%]')
         for axes in (left, middle):
@@ -605,22 +618,23 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
     return render(
         draw,
         (WIDTH_IN, 1.1 + 0.19 * max(len(names), 6)),
-        f'{result.recordings.title}: each label left out of the training, one after another, '
-        f'{found.split}. Left: how well novelty separates its trials from trials of known labels, '
-        'as area under the ROC curve, with 95 % intervals (dotted: chance). Middle: share of its '
-        'trials that get the name of a known label. Right: share of known trials that are '
-        f'rejected in each fold (dashed: stated rate of {rate:g} %).',
-        f'Labels left out of the training. {of_labels}. False rejection by fold: '
+        f'{result.recordings.title}: rejection of unknown objects, {found.split}. Each label is '
+        'left out of the training once, so that its trials are unknown. Left: how well novelty '
+        'separates unknown from known trials, as area under the ROC curve (AUROC) with 95 % '
+        'interval (dotted: chance). Middle: fraction of the unknown trials that are classified '
+        'as a known label (missed). Right: fraction of the known trials that are rejected in each '
+        f'fold (dashed: stated rate of {rate:g} %).',
+        f'Labels left out of the training: {of_labels}. False rejection by fold: '
         f'{min(rejected):.0f} to {max(rejected):.0f} %, stated rate {rate:g} %.',
         simulated=result.recordings.simulated,
     )
 
 
-# -- words ------------------------------------------------------------------------------
+# -- texts ------------------------------------------------------------------------------
 
 
 def _format_values(spec: FeatureSpec, values: NDArray[np.float64]) -> str:
-    """Return the features of one trial with their units."""
+    """Return the names and values of one trial's features, with units, as text."""
     return ', '.join(
         f'{short_name(name)} {_quantity(value, unit)}'
         for name, value, unit in zip(spec.names, values, spec.units, strict=True)
@@ -628,7 +642,7 @@ def _format_values(spec: FeatureSpec, values: NDArray[np.float64]) -> str:
 
 
 def _list_features(spec: FeatureSpec) -> str:
-    """Return the names of features with their units."""
+    """Return the names of the features, with units, as text."""
     return ', '.join(
         f'{short_name(name)}{"" if unit in UNKNOWN_UNITS else f" [{unit}]"}'
         for name, unit in zip(spec.names, spec.units, strict=True)
@@ -644,7 +658,7 @@ def _format_right(score: Score) -> str:
     found = ', '.join(
         f'{label} {100 * share:.0f} %' for label, share in zip(score.labels, right, strict=True)
     )
-    return f'Right answers: {found}. Most frequent confusion: {format_confusion(score)}.'
+    return f'Correct predictions: {found}. Most frequent confusion: {format_confusion(score)}.'
 
 
 def _short_title(result: SetResult) -> str:

@@ -20,10 +20,10 @@ from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
 
 MOUNTINGS = ('mounting_id', 'mounting')
-"""Names of columns of mountings, in lower case."""
+"""Names of columns that contain mountings, in lower case."""
 
 SPECIMENS = ('specimen_id', 'specimen')
-"""Names of columns of specimens, in lower case."""
+"""Names of columns that contain specimens, in lower case."""
 
 
 @dataclass(frozen=True)
@@ -45,25 +45,26 @@ class RecordingSet:
     Attributes
     ----------
     title : str
-        Task, contact or source, and ``simulated`` if a trial is simulated.
+        Task, contact or source, and whether the trials are simulated.
     contact : str
         Flexion or abduction; empty if it is unknown, as in an archive.
     hold_out : tuple of tuple of str
-        Columns of each grouped split. Random folds are evaluated as well.
+        Columns of each grouped split; trials with equal values in these columns are held out
+        together. Random folds are evaluated in addition.
     unit : str
         Unit of the signal; ``raw`` if it is unknown.
     examples : tuple of Example
         The first trial of each label.
     splits : tuple of Split
-        The split into training and test trials, if the user selected them.
+        Training and test trials that the user has selected (``--train-where``).
     skipped, steps : tuple of str
-        One sentence for each unusable trial, and the preparation of the signals.
+        One sentence for each unusable trial, and sentences about the preparation of the signals.
     choice : Chosen or None
         Features and classifier that `tactile train` would choose.
     not_done : tuple of str
-        One sentence for each default split that the trials do not allow.
-    answers : bool
-        If True, the rejection of unknown objects is evaluated as well.
+        One sentence for each usual split that the trials do not allow.
+    unknown_objects : bool
+        True if the rejection of unknown objects is to be evaluated.
     """
 
     title: str
@@ -78,19 +79,19 @@ class RecordingSet:
     steps: tuple[str, ...] = ()
     choice: Chosen | None = None
     not_done: tuple[str, ...] = ()
-    answers: bool = False
+    unknown_objects: bool = False
 
     def format_preparation(self, most: int | None = None) -> list[str]:
-        """Return sentences on the preparation of the signals and the first skipped trials.
+        """Return sentences about the preparation of the signals and the skipped trials.
 
-        ``most`` limits the number of skipped trials that are listed.
+        At most ``most`` skipped trials are listed; None lists all.
         """
         lines = list(self.steps)
         if self.skipped:
-            lines.append(f'skipped {len(self.skipped)} trials:')
+            lines.append(f'skipped trials: {len(self.skipped)}')
             lines += self.skipped[:most]
         if most is not None and len(self.skipped) > most:
-            lines.append(f'and {len(self.skipped) - most} more: see the report, or --json')
+            lines.append(f'and {len(self.skipped) - most} more; the report and --json list all')
         return lines
 
 
@@ -102,7 +103,7 @@ def make_sets(
     *,
     of_choice: bool = False,
     report: bool = False,
-    answers: bool = False,
+    unknown_objects: bool = False,
 ) -> list[RecordingSet]:
     """Return the sets of an open recording, one for each task and contact.
 
@@ -113,15 +114,15 @@ def make_sets(
     options : FeatureOptions
         Task, channel and features.
     chosen : mapping
-        The choice for each set.
+        Automatic choice of features and classifier for each set.
     hold_out : sequence of sequence of str
-        Columns of the grouped splits. Default: see `usual_splits`.
+        Columns of the grouped splits. If it is empty, the splits of `usual_splits` are used.
     of_choice : bool
-        If True, tables have the features of the chosen set instead of the recorded ones.
+        If True, evaluate the features of the automatic choice instead of the recorded ones.
     report : bool
-        If True, example signals are read for the figures.
-    answers : bool
-        If True, the rejection of unknown objects will be evaluated.
+        If True, also read the signals of some trials, for the figures of the report.
+    unknown_objects : bool
+        If True, the rejection of unknown objects is to be evaluated.
     """
     whole = {key: each.table for key, each in chosen.items()}
     if not of_choice:
@@ -151,7 +152,7 @@ def make_sets(
                 steps=() if trials.is_own else tuple(trials.notes),
                 choice=chosen.get(key, chosen.get(key[:2])),
                 not_done=tuple(not_done),
-                answers=answers,
+                unknown_objects=unknown_objects,
             )
         )
     return sets
@@ -177,7 +178,7 @@ def usual_splits(table: FeatureTable) -> tuple[list[tuple[str, ...]], list[str]]
         return [column for column in table.columns if column.lower() in names]
 
     first = next(filter(can_hold_out, (*named(*SESSIONS), *named('trial_block'))), None)
-    # Where each trial has a mounting of its own, random folds hold mountings out already.
+    # If each trial has a separate mounting, random folds already hold out whole mountings.
     mountings = [
         column
         for column in named(*MOUNTINGS, *SPECIMENS)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rank-sum tests of single features in words: Fourier components, pairs of classes."""
+"""Rank-sum tests of single features: Fourier components, and sentences about pairs of labels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tactile_classifier.datasets.conditions import states_mountings
 from tactile_features.spec import FeatureSpec
 
 LEVEL = 0.05
-"""Line of significance, as in Fig. 9 of the paper."""
+"""Significance level, as in Fig. 9 of the paper."""
 
 _KINDS = (
     ('__spectrum__hz_', 1.0, 'frequency', 'Hz'),
@@ -25,9 +25,10 @@ _KINDS = (
 
 @dataclass(frozen=True)
 class Components:
-    """The Fourier components above zero among the features of a set.
+    """The features that are Fourier components, without the component at frequency zero.
 
-    ``columns`` are theirs in the table, shape (k,); ``frequency`` is in ``unit``, shape (k,).
+    ``columns`` are their columns in the table of features, shape (k,). ``frequency`` are their
+    frequencies in ``unit``, shape (k,).
     """
 
     columns: NDArray[np.intp]
@@ -42,9 +43,9 @@ class Components:
 
 
 def find_components(spec: FeatureSpec) -> Components | None:
-    """Return the components by the features' names, or None where there are fewer than two.
+    """Find the Fourier components by the names of the features; None if there are fewer than two.
 
-    The one at zero is left out: the mean has been taken off.
+    The component at frequency zero is omitted, because the mean has been subtracted.
     """
     for mark, factor, name, unit in _KINDS:
         found = {
@@ -60,60 +61,61 @@ def find_components(spec: FeatureSpec) -> Components | None:
 
 
 def format_tested_values(result: SetResult) -> str:
-    """Return what the tests compare, in words: trials or means of mountings."""
+    """Return which values the tests compare, as text: trials, or means of mountings."""
     table, significance = result.recordings.table, result.significance
     values, strata = sum(significance.counts), significance.strata
+    within = f', compared within {strata} sessions (van Elteren)' if strata > 1 else ''
+    remark = ''
     if values < len(table):
         least, most = min(significance.counts), max(significance.counts)
         each = f'{least}' if least == most else f'{least} to {most}'
         tested = f'means of {values} mountings ({each} of each label; {len(table)} trials)'
         if not states_mountings(table):
-            tested += (
-                '. The mountings are not stated, so that each label counts as mounted once '
-                'a session'
+            remark = (
+                '. The mountings are not stated, so each label is assumed to have one mounting '
+                'per session'
             )
     else:
         tested = f'{values} trials as independent samples'
         if not states_mountings(table):
-            tested += ' (their mountings are not stated; if trials share one, p is too small)'
-    within = f', compared within {strata} sessions (van Elteren)' if strata > 1 else ''
-    return f'{tested}{within}'
+            remark = '. The mountings are not stated; if trials share a mounting, p is too small'
+    return f'{tested}{within}{remark}'
 
 
-def format_least_p(result: SetResult) -> str:
-    """Return one sentence where the tested values are too few for p below `LEVEL`, or nothing."""
+def format_least_p(result: SetResult) -> str | None:
+    """Return a warning if there are too few values for p below `LEVEL`, or None."""
     least = result.significance.least_p
     if least <= LEVEL:
-        return ''
+        return None
     return (
-        f'So few cannot give p below {least:.2g} for every pair, however large the difference: '
-        'record each label in more mountings and sessions.'
+        f'With so few values, p cannot be below {least:.2g} for every pair, even if the '
+        'difference is large. Record each label in more mountings and sessions.'
     )
 
 
 def format_alike_pairs(result: SetResult, components: Components) -> str:
-    """Return the causes of high mean p-values, by counting pairs instead of averaging."""
+    """Return how many pairs of labels have high p-values, which explains a high mean p-value."""
     significance = result.significance
     one, other = np.triu_indices(len(significance.labels), 1)
     p = significance.p[components.columns][:, one, other]
     alike = p > LEVEL
     pairs, worst = alike.shape[1], int(alike.sum(axis=0).argmax())
     counts = alike.sum(axis=1)
-    # Bonferroni's bound: among many components, some p is below the level without any effect.
+    # Bonferroni correction: with many components, some p is below the level by chance.
     differ = (p.min(axis=0) <= LEVEL / len(p)).sum()
     return (
-        f'{result.recordings.title}: of the {pairs} pairs of classes, {np.median(counts):g} have '
-        f'p over {LEVEL} in the median component; {int((2 * counts < pairs).sum())} of '
-        f'{len(counts)} components differ between more than half of the pairs at that level. '
-        f'{int(differ)} pairs differ in some component at {LEVEL} over the number of components. '
-        f'Most alike are {significance.labels[one[worst]]} and '
-        f'{significance.labels[other[worst]]}: over {LEVEL} in {int(alike[:, worst].sum())} '
-        'components.'
+        f'{result.recordings.title}: there are {pairs} pairs of labels. In the median component, '
+        f'{np.median(counts):g} of them have p above {LEVEL}. '
+        f'{int((2 * counts < pairs).sum())} of {len(counts)} components have p up to {LEVEL} for '
+        f'more than half of the pairs. {int(differ)} pairs differ in at least one component after '
+        f'Bonferroni correction. The most similar pair is {significance.labels[one[worst]]} and '
+        f'{significance.labels[other[worst]]}: p is above {LEVEL} in '
+        f'{int(alike[:, worst].sum())} components.'
     )
 
 
 def list_alike_pairs(result: SetResult) -> list[str]:
-    """Return the pairs of classes between which a feature does not differ, in words."""
+    """Return for each feature the pairs of labels between which it does not differ, as text."""
     significance = result.significance
     found = []
     for name, p in zip(result.recordings.table.spec.names, significance.p, strict=True):

@@ -1,9 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The summary of one set of trials: its accuracy as a plain sentence, its answers in rows.
+"""Summary of one set of trials: sentences about accuracy, calibration and unknown objects.
 
-The accuracy is the one that a model of `tactile train` has on trials that did not choose it.
+The accuracy is that of the model that `tactile train` would write. It is measured on trials that
+were not used to choose features and classifier.
 """
 
 from __future__ import annotations
@@ -20,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.report.analysis import SetResult
-from tactile_analysis.report.answers import Answers, CLASSIFIER
+from tactile_analysis.report.analysis import CLASSIFIER, SetResult
 from tactile_analysis.trial_set import TrialSet
 from tactile_analysis.wording import format_nested, format_span, name_candidate
 from tactile_bags.recorded_bag import RecordedBag
@@ -35,17 +35,17 @@ from tactile_classifier.evaluation.reliability import Reliability
 from tactile_classifier.types import CLASSIFIER_TITLES, short_scaling
 
 SESSION = ('session_id',)
-"""Columns of the choice by held-out sessions."""
+"""Columns of the automatic choice if it holds out whole sessions."""
 
 LIBRARIES = ('tactile_classifier', 'numpy', 'scipy', 'scikit-learn', 'matplotlib')
 
 
 @dataclass(frozen=True)
 class Source:
-    """One recording: the name of its file or folder, and the digest of its data files.
+    """One recording: the name of its file or folder, and the SHA-256 digest of its data files.
 
-    ``facts`` are its statements about itself, such as seed and simulator. ``corrections`` are
-    sentences about trials that an experiment's journal relabels or leaves out.
+    ``facts`` are entries of its metadata, such as the seed of the simulation. ``corrections`` are
+    sentences about trials that the journal of an experiment relabels or excludes.
     """
 
     name: str
@@ -55,9 +55,10 @@ class Source:
 
 
 def describe_sources(paths: Sequence[Path], recording: TrialSet) -> list[Source]:
-    """Return name, digest and facts of each bag of ours, or else of each named path.
+    """Return the sources of a report: each bag with trial events, or else each path.
 
-    ``recording`` is the open recording of the paths. A folder of files is one source.
+    ``recording`` is the open recording at ``paths``. If a path is a folder of files, the folder is
+    one source.
     """
     if not recording.is_own:
         return [Source(path.resolve().name, _compute_digest(path), {}) for path in paths]
@@ -95,7 +96,7 @@ def _compute_digest(path: Path) -> str:
 
 
 def find_versions() -> dict[str, str]:
-    """Return the versions of Python and the libraries that the numbers depend on."""
+    """Return the versions of Python, and of the libraries that affect the results."""
     found = {'python': platform.python_version()}
     for name in LIBRARIES:
         with suppress(importlib.metadata.PackageNotFoundError):
@@ -104,24 +105,24 @@ def find_versions() -> dict[str, str]:
 
 
 def usual_score(result: SetResult, evaluation: Evaluation) -> Score:
-    """Return the score of three nearest neighbours, the same classifier for every split."""
+    """Return the score of `CLASSIFIER`, which is compared over all splits."""
     return evaluation.score(CLASSIFIER, default_scaling(result.recordings.table.task, CLASSIFIER))
 
 
 def format_classifier(each: Score | OpenSetEvaluation | LearningCurve | Reliability) -> str:
-    """Return classifier and scaling in words."""
+    """Return the names of classifier and scaling, as text."""
     return f'{CLASSIFIER_TITLES[each.classifier]}, {short_scaling(each.scaling)}'
 
 
 def format_model(result: SetResult) -> str:
-    """Return the model of the first sentence."""
+    """Return features, classifier and scaling of the chosen model, as a sentence."""
     chosen = result.recordings.choice
     assert chosen is not None
-    return f'This model: {name_candidate(chosen.choice.chosen)}, as tactile train chooses it.'
+    return f'Model: {name_candidate(chosen.choice.chosen)}, as chosen by tactile train.'
 
 
 def format_first_sentence(result: SetResult) -> str:
-    """Return the accuracy in a plain sentence, with its trials, interval and chance."""
+    """Return the accuracy as a sentence, with number of trials, interval and chance."""
     chosen = result.recordings.choice
     assert chosen is not None
     limit = ''
@@ -146,7 +147,7 @@ def format_first_sentence(result: SetResult) -> str:
 
 
 def format_evidence(result: SetResult) -> str:
-    """Return the number of trials behind the headline, its interval and chance."""
+    """Return number of trials, confidence interval and chance of the headline, as text."""
     score = result.headline
     trials = f'{result.tested} trials'
     if score.spread_of == 'groups':
@@ -155,10 +156,10 @@ def format_evidence(result: SetResult) -> str:
     return f'{trials}; {format_span(score.interval)}; chance {format_percent(result.chance)}'
 
 
-def format_learning_curve(result: SetResult) -> str:
-    """Return whether more sessions, or other groups, will help; empty without a curve."""
+def format_learning_curve(result: SetResult) -> str | None:
+    """Return whether more sessions, or other groups, would help; None if there is no curve."""
     if (curve := result.curve) is None:
-        return ''
+        return None
     first = next(point for point in curve.points if point.groups == curve.half)
     last = curve.points[-1]
     interval = curve.gain_interval
@@ -180,10 +181,10 @@ _MORE = {
 }
 
 
-def format_reliability(result: SetResult) -> str:
-    """Return the calibration error of held-out probabilities; empty where it is not known."""
+def format_reliability(result: SetResult) -> str | None:
+    """Return the calibration error of held-out probabilities; None if it is not known."""
     if (found := result.reliability) is None:
-        return ''
+        return None
     return (
         f'Expected calibration error of the probabilities {format_percent(found.error)} '
         f'({found.trials} trials, {found.split}); perfectly calibrated probabilities would have '
@@ -192,13 +193,13 @@ def format_reliability(result: SetResult) -> str:
 
 
 def format_percent(share: float) -> str:
-    """Return a share in %; 99.97 % is not 100 %."""
+    """Return a fraction in %. A fraction just below 1 is ``> 99.9 %``, not ``100.0 %``."""
     rounded = f'{100 * share:.1f}'
     return '> 99.9 %' if rounded == '100.0' and share < 1.0 else f'{rounded} %'
 
 
 def format_accuracy(result: SetResult) -> str:
-    """Return the accuracy with its split, interval, baselines and confusion in one line."""
+    """Return accuracy, split, interval, baselines and most frequent confusion, in one line."""
     chosen, score = result.recordings.choice, result.headline
     assert chosen is not None
     if result.stated is None:
@@ -206,35 +207,36 @@ def format_accuracy(result: SetResult) -> str:
     else:
         accuracy = (
             f'accuracy {100 * score.mean:.1f} % ({score.split}; {format_span(score.interval)}; '
-            f'chosen on trials that are not tested); chance {100 * result.stated.chance:.1f} %'
+            f'chosen on the training trials only); chance {100 * result.stated.chance:.1f} %'
         )
     parts = [accuracy, f'balanced accuracy {100 * score.balanced_accuracy:.1f} %']
     if refused := result.recordings.table.refused:
         parts.append(
-            f'with {refused} refused trials counted as wrong {100 * result.end_to_end:.1f} %'
+            f'accuracy if the {refused} trials without features count as wrong: '
+            f'{100 * result.end_to_end:.1f} %'
         )
     if (permuted := result.permuted) is not None:
         parts.append(
-            f'on permuted labels {100 * permuted.mean:.1f} %, and at most '
-            f'{100 * permuted.largest:.1f} % in {permuted.permutations} permutations '
+            f'accuracy with permuted labels: {100 * permuted.mean:.1f} % on average, '
+            f'{100 * permuted.largest:.1f} % at most, in {permuted.permutations} permutations '
             f'(p = {permuted.p_value:.2g})'
         )
     return '; '.join((*parts, f'most frequent confusion: {format_confusion(score)}'))
 
 
 def format_method(interval: Interval) -> str:
-    """Return an interval in % with its method, or why there is none."""
+    """Return an interval in % with its method, or the reason why there is no interval."""
     span = format_span(interval)
     return span if interval.reason else f'{span} ({interval.method})'
 
 
 def confusion_shares(score: Score) -> NDArray[np.float64]:
-    """Return the confusion as shares of the trials of each true label."""
+    """Return the confusion matrix, divided by the number of trials of each true label."""
     return np.asarray(score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1))
 
 
 def format_confusion(score: Score) -> str:
-    """Return the most frequent confusion, such as ``pla as sponge in 33 % of its trials``."""
+    """Return the most frequent confusion as text: ``pla as sponge in 33 % of its trials``."""
     shares = confusion_shares(score)
     shares *= 1 - np.eye(len(shares))
     if not shares.any():
@@ -246,20 +248,17 @@ def format_confusion(score: Score) -> str:
     )
 
 
-def answer_rows(answers: Answers) -> list[tuple[str, str]]:
-    """Return rejection of unknown labels and calibration as rows of a table."""
-    rows = []
-    if (unknown := answers.open_set) is not None:
-        rows += [
-            ('unknown labels, split', unknown.split),
-            ('AUROC', f'{100 * unknown.auroc:.1f} %'),
-            ('AUROC, interval', format_method(unknown.auroc_interval)),
-            ('unknown labels missed', f'{100 * unknown.miss_rate:.1f} %'),
-            (
-                f'false rejection, stated rate {100 * unknown.false_alarm_rate:g} %',
-                f'{100 * unknown.realised_false_alarm_rate:.1f} %',
-            ),
-            ('calibration error before', f'{100 * unknown.calibration_error_before:.1f} %'),
-            ('calibration error after', f'{100 * unknown.calibration_error_after:.1f} %'),
-        ]
-    return rows
+def unknown_rows(found: OpenSetEvaluation) -> list[tuple[str, str]]:
+    """Return the rejection of unknown objects, and the calibration, as rows of a table."""
+    return [
+        ('unknown objects, split', found.split),
+        ('AUROC', f'{100 * found.auroc:.1f} %'),
+        ('AUROC, interval', format_method(found.auroc_interval)),
+        ('unknown objects missed', f'{100 * found.miss_rate:.1f} %'),
+        (
+            f'false rejection, stated rate {100 * found.false_alarm_rate:g} %',
+            f'{100 * found.realised_false_alarm_rate:.1f} %',
+        ),
+        ('calibration error before', f'{100 * found.calibration_error_before:.1f} %'),
+        ('calibration error after', f'{100 * found.calibration_error_after:.1f} %'),
+    ]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figures as SVG inside a page: they take its colour of text, and it needs no other file."""
+"""Figures as SVG elements that are embedded in a page and use its text colour."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ CLASSIFIER_COLOURS = {
 """Distinguishable with red-green blindness, on white and on black."""
 
 WIDTH_IN = 5.2
-"""Width of the wider figures [inch]; at 390 px they have a scale of 0.7 and can be read."""
+"""Width of the wider figures [inch]. On a screen of 390 px they are scaled by 0.7, and their text
+is still legible."""
 
 _MOST_SCALE = 1.15
 
@@ -60,8 +61,8 @@ _STYLE = {
 class Drawing:
     """A figure of the report.
 
-    ``svg`` is an element for HTML; its label is the text alternative. The caption names quantities
-    and marks.
+    ``svg`` is an HTML element with the text alternative as its label. ``caption`` explains
+    quantities and symbols.
     """
 
     svg: str
@@ -76,10 +77,10 @@ def render(
     *,
     simulated: bool,
 ) -> Drawing:
-    """Call ``draw`` with an empty figure of this size [inch], and return the figure as SVG.
+    """Call ``draw`` with an empty figure of size ``size_in`` [inch], and return the figure as SVG.
 
-    ``message`` is the text alternative, with the numbers of the figure. Figure, caption and text
-    alternative say so if the data are simulated.
+    ``message`` is the text alternative, which contains the numbers of the figure. If ``simulated``
+    is True, figure, caption and text alternative are marked as SIMULATED.
     """
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=size_in)
@@ -117,16 +118,19 @@ def render(
 
 
 def legend_below(figure: Figure, axes: Axes) -> None:
-    """Put the legend of one panel below the figure, in three columns."""
+    """Draw the legend of ``axes`` below the figure, in three columns."""
     handles, labels = axes.get_legend_handles_labels()
     legend_outside(figure, 'lower center', handles=handles, labels=labels, ncols=3, fontsize=8)
 
 
 def _clean(svg: str) -> str:
-    """Return only the SVG element, in the page's text colour, without repeated ids."""
+    """Return only the SVG element, in the text colour of the page.
+
+    Ids that could occur in another figure of the page are removed.
+    """
     svg = svg[svg.index('<svg') :]
     svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
-    # Ids of groups would repeat in the next figure. Referenced ids are hashes and stay.
+    # Ids of groups are the same in every figure. Ids that are referenced are hashes and are kept.
     svg = re.sub(r' id="(?![mp][0-9a-f]{10}")[^"]*"', '', svg)
     svg = svg.replace(INK, 'currentColor')
     svg = re.sub(r"font: ([^;\"]*?)'[^;\"]*(sans-serif)", r'font: \1\2', svg)

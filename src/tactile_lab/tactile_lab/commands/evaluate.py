@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile evaluate`: cross-validated accuracy on any recordings, a report, and model files."""
+"""`tactile evaluate`: accuracy by cross-validation or of model files, and a report."""
 
 import inspect
 from pathlib import Path
@@ -21,14 +21,14 @@ STATED = (
     'task', 'channel', 'where', 'train_where', 'test_where', 'crop', 'resample_hz', 'over',
     'speed_column', 'detrend', 'features',
 )  # fmt: skip
-"""Options that the report states, if they are given."""
+"""Options whose values the report contains, if they are given."""
 
 OF_CROSS_VALIDATION = (
     'train_where', 'test_where', 'over', 'detrend', 'folds', 'repetitions', 'features', 'report',
     'answers', 'seed', 'cluster',
 )  # fmt: skip
-"""Options that are refused with ``--model``: the file determines the features, and nothing is
-trained."""
+"""Options that ``--model`` does not allow, because the model file determines the features and no
+model is trained."""
 
 
 def evaluate(
@@ -37,13 +37,13 @@ def evaluate(
     train_where: Annotated[
         Optional[str],
         typer.Option(
-            help='Train on these trials and test on the trials of --test-where, in addition to '
-            'random folds. A boolean column, or COLUMN=VALUE, as for --where. Bags are accepted, '
-            'too.'
+            help='Select the training trials: a boolean column, or COLUMN=VALUE, as for --where, '
+            'also for bags. The trials of --test-where are tested. Random folds are evaluated in '
+            'addition.'
         ),
     ] = None,
     test_where: Annotated[
-        Optional[str], typer.Option(help='Trials to test on; see --train-where.')
+        Optional[str], typer.Option(help='Select the test trials; see --train-where.')
     ] = None,
     model: Annotated[
         Optional[list[Path]],
@@ -59,11 +59,11 @@ def evaluate(
     group: Annotated[
         Optional[list[str]],
         typer.Option(
-            help='Hold out each group of trials with equal values in this column, in addition to '
-            'random folds. Several columns are separated by commas. May be repeated. Default: '
-            'the columns of sessions (session_id, session, day), of mountings (mounting_id, '
-            'mounting) and of specimens (specimen), if present; if bags have only one session, '
-            'trial_block, which divides the trials into six blocks in order of time.'
+            help='Hold out whole groups of trials, in addition to random folds. Trials with equal '
+            'values in this column form a group; several columns are separated by commas. May be '
+            'repeated. Default: each column of sessions (session_id, session, day), mountings '
+            '(mounting_id, mounting) and specimens (specimen) that is present. If bags have only '
+            'one session: trial_block, six blocks of trials in order of time.'
         ),
     ] = None,
     folds: options.FoldsOption = 6,
@@ -86,9 +86,9 @@ def evaluate(
         bool,
         typer.Option(
             '--answers',
-            help='Also evaluate the rejection of unknown objects, with each label left out once, '
-            'and the calibration of probabilities. Takes a few seconds more for each set of '
-            'texture trials.',
+            help='Also evaluate the detection of unknown objects, with each label left out of '
+            'the training once, and the calibration of probabilities. Takes a few seconds more '
+            'for texture trials of one contact.',
         ),
     ] = False,
     seed: options.SeedOption = 0,
@@ -99,20 +99,20 @@ def evaluate(
 ) -> None:
     """Print the accuracy of the model that *train* would write, or of model files.
 
-    Accepts real and simulated trials and computes the same features as the live node. The first
-    number is the accuracy on held-out groups, where features and classifier are chosen again
-    within the training trials of each fold. Tables of the paper's four classifiers with and
-    without scaling follow, for random folds and for held-out sessions, mountings or other groups.
-    A learning curve states whether more sessions would help. ``--report`` and ``--json`` add
-    feature selection and calibration, and take longer. The report contains figures of your trials.
+    Accepts real and simulated trials, and computes the same features as the live node. The first
+    number is the accuracy on held-out groups; features and classifier are chosen again from the
+    training trials of each fold. Tables of the paper's four classifiers follow, with and without
+    scaling, for random folds and for held-out sessions, mountings or other groups. A learning
+    curve shows whether more sessions would increase the accuracy. ``--report`` and ``--json`` add
+    feature selection and calibration, and take longer. The report also has figures of your trials.
 
-    ``--model`` evaluates a model file on trials that it was not trained on, for example: tactile
-    evaluate bags/new --model old/texture.npz --model new/texture.npz. Its features are computed
-    from the recordings. Training trials, whose digests are in the file, are excluded and counted.
-    *unknown* counts as wrong. The interval is computed over sessions, or over the groups of
-    ``--group``.
-    Two models are evaluated on trials that neither was trained on, with the exact McNemar test of
-    their difference. Options of archives can be given; options of cross-validation are refused.
+    ``--model`` evaluates a model file, for example: tactile evaluate bags/new --model
+    old/texture.npz --model new/texture.npz. The features of the model are computed from the
+    recordings. Trials that the model was trained on are recognized by the digests in the file, and
+    are excluded. A prediction of *unknown* counts as wrong. The interval is computed over
+    sessions, or over the groups of ``--group``. If two models are given, trials of either training
+    are excluded, and the difference is tested with McNemar's exact test. Options of archives can
+    be combined with ``--model``, options of cross-validation cannot.
     """
     given = {**locals(), **vars(archives)}
     if model:
@@ -172,7 +172,7 @@ def evaluate(
                     hold_out,
                     of_choice=is_auto,
                     report=file is not None,
-                    answers=answers,
+                    unknown_objects=answers,
                 )
                 sources = describe_sources(recordings, source) if file else []
         with output.progress('evaluating') as show:
@@ -182,7 +182,7 @@ def evaluate(
                 folds=folds,
                 repetitions=repetitions,
                 random_state=seed,
-                details=as_json or file is not None,  # the terminal has no place for them
+                details=as_json or file is not None,  # they are not printed on the terminal
             )
     for result in results:
         _print(result, output)
@@ -195,7 +195,7 @@ def evaluate(
         }
         settings = {name: str(value) for name, value in stated.items() if value is not None}
         file.write_text(build_page(results, sources, settings), encoding='utf-8')
-        output.say(f'{file}: the same with figures')
+        output.say(f'{file}: report with these numbers and figures')
     output.result({'sets': [result.to_dict() for result in results]})
 
 
@@ -216,8 +216,8 @@ def _evaluate_models(
     for name, values, most in (('--model', models, 2), ('--group', group, 1)):
         if len(values) > most:
             raise TactileError(
-                f'{name} is given {len(values)} times; with --model at most {most} '
-                f'{"is" if most == 1 else "are"} possible'
+                f'{name} is given {len(values)} times; with --model give it '
+                f'{"once" if most == 1 else "at most twice"}'
             )
     feature_options = FeatureOptions(task=task, **vars(archives))
     with (
@@ -232,12 +232,12 @@ def _evaluate_models(
 
 def _print(result: 'SetResult', output: Output) -> None:
     from tactile_analysis.report.summary import (
-        answer_rows,
         format_accuracy,
         format_first_sentence,
         format_learning_curve,
         format_model,
         format_reliability,
+        unknown_rows,
     )
     from tactile_analysis.wording import accuracy_caption, format_warnings
     from tactile_classifier.model_file.manifest import format_features
@@ -259,7 +259,7 @@ def _print(result: 'SetResult', output: Output) -> None:
     output.say(f'  {format_features(result.recordings.table.spec)}')
     lines = [
         *result.recordings.format_preparation(most=10),
-        *(': '.join(row) for row in (answer_rows(result.answers) if result.answers else ())),
+        *(': '.join(row) for row in (unknown_rows(result.open_set) if result.open_set else ())),
         *result.not_done,
         *format_warnings(result.evaluations),
     ]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile train`: recordings in, table of accuracies and model files out."""
+"""`tactile train`: choose and train models, and write model files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 FULL = 'full'
-"""Value of ``--window`` for full windows, which are published after their phase."""
+"""Value of ``--window`` for full windows, which are published after the end of their phase."""
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket')
 
@@ -38,7 +38,8 @@ CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket')
 class TrainedModel:
     """One model file, its accuracies, and the feature table that it was trained on.
 
-    ``window_s`` is the length of early windows [s]; None for full windows.
+    ``window_s`` is the length of an early window [s], which is published before its phase ends;
+    None for full windows.
     """
 
     path: Path
@@ -50,12 +51,12 @@ class TrainedModel:
 
     @property
     def accuracy(self) -> float:
-        """Accuracy in the card [1]; nested if cross-validation has chosen the classifier."""
+        """Accuracy in the model card [1]; nested if the classifier was chosen automatically."""
         return float(self.manifest.cross_validation['mean'])
 
     @property
     def split(self) -> str:
-        """Kind of folds with which `accuracy` was measured."""
+        """The folds with which `accuracy` was measured, as text."""
         return str(self.manifest.cross_validation['split'])
 
     def to_dict(self) -> dict[str, Any]:
@@ -80,18 +81,21 @@ def train(
     classifier: Annotated[
         Optional[str],
         typer.Option(
-            **{**options.choice(*CLASSIFIERS), 'metavar': 'NAME'},  # else no room for the help
-            help=f'Classifier of the model file: {", ".join(CLASSIFIERS)}. Default: features, '
-            'classifier and scaling are chosen by cross-validation. If a classifier is given, the '
-            'recorded features are used.',
+            **{
+                **options.choice(*CLASSIFIERS),
+                'metavar': 'NAME',
+            },  # short, to leave room for the help
+            help=f'Classifier: {", ".join(CLASSIFIERS)}; the recorded features are used. Default: '
+            'features, classifier and scaling are chosen by cross-validation.',
         ),
     ] = None,
     scaling: Annotated[
         Optional[str],
         typer.Option(
             **options.choice('standard', 'none'),
-            help='Scaling in the model file. Default: chosen by cross-validation. If a classifier '
-            'is given: none for texture, whose features share one unit, standard for stiffness.',
+            help='Scaling of the features. Default: chosen by cross-validation. If --classifier '
+            'is given: none for texture (the features have the same unit), standard for '
+            'stiffness.',
         ),
     ] = None,
     false_alarm_rate: Annotated[
@@ -101,18 +105,18 @@ def train(
             metavar='SHARE',
             min=0.001,
             max=0.5,
-            help='False rejection rate: fraction of trials with known labels that the model may '
-            'classify as unknown, on average over sessions. The threshold is computed from '
-            'held-out trials.',
+            help='Rate of false rejection: fraction of the trials with known labels that the '
+            'model may classify as unknown, on average over sessions. The threshold is computed '
+            'from held-out trials.',
         ),
     ] = 0.05,
     strict: Annotated[
         bool,
         typer.Option(
             '--strict',
-            help='Let --false-alarms hold in most new sessions, not only on average over '
-            'sessions, by using the largest threshold of the sessions. Fewer unknown objects '
-            'are detected.',
+            help='Use the largest threshold of all sessions, so that the rate --false-alarms '
+            'holds in most new sessions, and not only on average. Fewer unknown objects are '
+            'detected.',
         ),
     ] = False,
     window: Annotated[
@@ -120,8 +124,8 @@ def train(
         typer.Option(
             metavar='SECONDS',
             help='Lengths of the windows, such as 0.5,1,full; a model file is written for each. '
-            'The model of the first seconds of a glide or hold answers as soon as they have '
-            'passed.',
+            'A model for the first 0.5 s of a glide or hold gives its prediction as soon as they '
+            'have passed.',
         ),
     ] = FULL,
     over: options.OverOption = None,
@@ -129,17 +133,17 @@ def train(
     features: Annotated[
         Optional[str],
         typer.Option(
-            help='Feature sets, separated by commas. The classifier rocket needs glide_waveform '
-            'or hold_waveform. auto: chosen by cross-validation. Default: auto; if --classifier, '
-            '--over or --detrend is given, the recorded set.'
+            help='Feature sets, separated by commas; or auto, to choose one by cross-validation. '
+            'The classifier rocket needs glide_waveform or hold_waveform. Default: auto; if '
+            '--classifier, --over or --detrend is given, the recorded feature set.'
         ),
     ] = None,
     group: Annotated[
         Optional[str],
         typer.Option(
-            help='Choose, test and calibrate with held-out groups. Trials with equal values in '
-            'these columns form a group. Default: sessions if there are several, otherwise blocks '
-            'of trials of a bag, otherwise random folds.'
+            help='Hold out whole groups for choice, test and calibration. Trials with equal '
+            'values in these columns form a group. Default: sessions if there are several, '
+            'otherwise blocks of trials of a bag, otherwise random folds.'
         ),
     ] = None,
     force: Annotated[
@@ -155,11 +159,11 @@ def train(
 ) -> None:
     """Choose features and classifier by cross-validation, and write model files.
 
-    Prints the accuracy of every candidate, and of the choice itself, on held-out groups. With
-    --classifier, prints the accuracy of the paper's four classifiers with and without scaling. One
-    model file (.npz) is written for each task, kind of contact and length of window in the
-    recordings. A model gives calibrated probabilities, and classifies windows that differ from all
-    training trials as *unknown*. Existing model files are only replaced with --force.
+    Prints the accuracy of every candidate on held-out groups, and the accuracy of the selection
+    procedure. With --classifier, prints the accuracy of the paper's four classifiers with and
+    without scaling instead. Writes one model file (.npz) for each task, contact and window length.
+    A model predicts calibrated probabilities, and classifies windows that differ from all training
+    trials as *unknown*. Existing model files are only replaced with --force.
     """
     from tactile_analysis.datasets.automatic_features import AUTO
     from tactile_analysis.datasets.feature_options import FeatureOptions
@@ -168,10 +172,10 @@ def train(
 
     output = Output(as_json)
     if features == AUTO and classifier:
-        raise TactileError('--features auto chooses the classifier: leave --classifier out')
+        raise TactileError('--features auto also chooses the classifier; omit --classifier')
     lengths = parse_lengths(window)
     if over and lengths != [None]:
-        raise TactileError('features over distance have no early windows: leave --window out')
+        raise TactileError('features over distance (--over) have no early windows; omit --window')
     stated = bool(classifier or over or detrend)
     automatic = features == AUTO or not (features or stated)
     if features and not automatic:
@@ -187,7 +191,7 @@ def train(
                 window_s=window_s,
                 **vars(archives),
             )
-            feature_options.choose_fields()  # refuses contradictory options before the work
+            feature_options.choose_fields()  # refuses contradictory options before the computation
             with open_trials(recordings, feature_options, statements) as source:
                 if not trained:
                     _refuse_existing(source, task, folder, lengths, force=force)
@@ -244,7 +248,7 @@ def _refuse_existing(
     *,
     force: bool,
 ) -> None:
-    """Refuse to replace model files, before features are computed and candidates compared."""
+    """Refuse to replace existing model files, before the long computation."""
     keys = [(wanted or '', '')]
     if source.is_own:
         found = dict.fromkeys((each.task, each.contact) for each in source.included)
@@ -261,13 +265,13 @@ def _check_sets(features: str) -> None:
 
     if not list_sets(features):
         raise TactileError(
-            f'--features is "{features}"; it must be {AUTO} or name sets of features: '
+            f'--features is "{features}"; it must be {AUTO} or feature sets: '
             f'{", ".join((*list_feature_sets(PHASE_GLIDE), *list_feature_sets(PHASE_HOLD)))}'
         )
 
 
 def parse_lengths(text: str) -> list[Optional[float]]:
-    """Return the lengths in ``--window`` [s]; None: full windows."""
+    """Return the window lengths in the option ``--window`` [s]; None is a full window."""
     try:
         lengths = [None if each == FULL else float(each) for each in options.split(text)]
     except ValueError:
@@ -275,20 +279,20 @@ def parse_lengths(text: str) -> list[Optional[float]]:
     is_positive = all(each is None or 0.0 < each < math.inf for each in lengths)
     if not lengths or not is_positive or len(set(lengths)) < len(lengths):
         raise TactileError(
-            f'--window is "{text}"; it must be different lengths in seconds with commas between '
-            f'them, or {FULL}, such as 0.5,1,{FULL}'
+            f'--window is "{text}"; it must be different lengths in seconds or {FULL}, separated '
+            f'by commas, such as 0.5,1,{FULL}'
         )
     return lengths
 
 
 def say_lengths(trained: Sequence[TrainedModel], picture: Path, output: Output) -> None:
-    """Print and draw the accuracy for each length of the window."""
+    """Print and draw the accuracy for each window length."""
     from tactile_analysis.plots import plot_accuracy_by_length
     from tactile_lab.console import Table
 
     columns = ('model', 'window [s]', 'accuracy [%]', 'trials', 'tested by')
     table = Table(
-        *columns, title='accuracy by length', right_from=1, spare=['tested by', 'trials']
+        *columns, title='accuracy by window length', right_from=1, spare=['tested by', 'trials']
     )
     curves: dict[str, list[tuple[float, float]]] = {}
     for model in trained:
@@ -303,7 +307,7 @@ def say_lengths(trained: Sequence[TrainedModel], picture: Path, output: Output) 
     output.say(table)
     simulated = any(model.manifest.simulated for model in trained)
     plot_accuracy_by_length(picture, curves, simulated=simulated)
-    output.say(f'{picture}: the same as a picture')
+    output.say(f'{picture}: figure of these accuracies')
 
 
 def _say_steps(trials: 'TrialSet', output: Output) -> None:
@@ -313,7 +317,7 @@ def _say_steps(trials: 'TrialSet', output: Output) -> None:
 def read_with_progress(
     trials: 'TrialSet', feature_options: 'FeatureOptions', output: Output
 ) -> 'Tables':
-    """Return the feature tables of a recording; say which trials are left out."""
+    """Return the feature tables of a recording, and print the excluded trials."""
     from tactile_analysis.datasets.feature_tables import compute_tables
 
     with output.progress('extracting features'):
@@ -322,7 +326,7 @@ def read_with_progress(
     if len(found) > 5:
         left_out.append(f'{len(found) - 5} more')
     _say_steps(trials, output)
-    output.say(*(f'left out: {each}' for each in left_out))
+    output.say(*(f'excluded: {each}' for each in left_out))
     return tables
 
 
@@ -334,7 +338,10 @@ def choose_with_progress(
     seed: int,
     **choice: Any,
 ) -> 'dict[tuple[str, ...], Chosen]':
-    """Return the choice of `choose_automatically` for each table, and print the reasons."""
+    """Choose features and classifier for each table, and print the reasons.
+
+    ``choice`` are further arguments of `choose_automatically`.
+    """
     from tactile_analysis.datasets.automatic_features import choose_automatically
 
     said: list[str] = []
@@ -347,7 +354,10 @@ def choose_with_progress(
 
 
 def model_path(folder: Path, key: tuple[str, ...], window_s: Optional[float] = None) -> Path:
-    """Return the path of a new model; the name is only informative."""
+    """Return the path of a new model file.
+
+    The name contains task, contact and window length for people; programs read the manifest.
+    """
     length = '' if window_s is None else f'{window_s:g}s'
     return folder / f'{"_".join(filter(None, (*key, length)))}.npz'
 
@@ -372,9 +382,10 @@ def train_models(
 ) -> list[TrainedModel]:
     """Train and write a model for each table, and print accuracies on held-out groups.
 
-    ``tables`` are the tables of ``trials``; the keys are task and contact. ``chosen`` is the
-    automatic choice for each table. If it is None, ``classifier`` is trained, and the four
-    classifiers are cross-validated. See ``tactile train --help`` for the other parameters.
+    ``tables`` are the feature tables of ``trials``; the keys are task and contact. ``chosen`` is
+    the automatic choice of features and classifier for each table. If it is None, ``classifier``
+    is trained, and the paper's four classifiers are cross-validated. For the other parameters, see
+    ``tactile train --help``.
     """
     import numpy as np
 
@@ -446,7 +457,7 @@ def _evaluate(
     seed: int,
     output: Output,
 ) -> 'Evaluation':
-    """Cross-validate the classifiers on held-out groups, or in random folds without groups."""
+    """Cross-validate the classifiers on held-out groups; if there are none, in random folds."""
     from tactile_analysis.datasets.automatic_features import find_sessions
     from tactile_classifier.datasets.splits import choose_repetitions
     from tactile_classifier.evaluation.cross_validation import evaluate

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings of others, written as labs and other programs write them, through the commands."""
+"""Recordings of other software, in many file formats, are imported by the commands."""
 
 import json
 
@@ -23,7 +23,7 @@ SLOPES = {'rubber': -0.9, 'pla': -0.5}
 
 
 def hold(label, seed, count=240):
-    """Return times [s] and the tension of a hold [N]."""
+    """Return times [s] and tension [N] of a simulated hold."""
     rng = np.random.default_rng([seed, *label.encode()])
     time_s = np.arange(count) / RATE_HZ
     return time_s, 5.0 + SLOPES[label] * time_s + rng.normal(0.0, 0.1, count)
@@ -34,7 +34,7 @@ def all_holds(count=6):
 
 
 def save_rows(path, lines):
-    """Write a table as text; make its folders."""
+    """Write a text table, and create its folders."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text('\n'.join(lines))
     return path
@@ -59,7 +59,7 @@ def refusal(tmp_path, *arguments):
 
 @pytest.fixture
 def long_table(tmp_path):
-    """Write one table of all trials; trials are numbered within each object."""
+    """Write one table of all trials. The trials of each object are numbered from 0."""
     lines = ['object,trial,time_s,force_n,session']
     for label, i, *samples in all_holds():
         lines += rows_of(*samples, f'{label},{i},{{:.3f}},{{!r}},{i % 2}')
@@ -67,7 +67,10 @@ def long_table(tmp_path):
 
 
 def check_holds(trials, count=6, *, column='', pattern=''):
-    """Compare with the written trials bit for bit, in the same order or by name in a column."""
+    """Compare trials with the written ones, bit for bit.
+
+    The trials have the same order, or a ``column`` contains their names.
+    """
     assert trials.rate_hz == RATE_HZ
     assert len(trials) == 2 * count
     for row, (label, i, _, tension_n) in enumerate(all_holds(count)):
@@ -101,7 +104,7 @@ def test_rows_of_trials_may_be_mixed(tmp_path, long_table):
 
 @pytest.fixture
 def folders(tmp_path):
-    """Write a file a trial as a German instrument does: preamble, semicolons, commas, ms."""
+    """Write one file per trial, with header lines, semicolons and decimal commas."""
     for label, i, time_s, tension_n in all_holds():
         path = tmp_path / 'lab' / label / f'{i:02d}.csv'
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -118,7 +121,7 @@ GERMAN = (
 FORCE = ('--force-column', 'Kraft [N]')
 
 
-def test_a_file_a_trial_in_folders_named_as_the_label(tmp_path, folders):
+def test_one_file_per_trial_in_folders_named_after_the_label(tmp_path, folders):
     assert '--separator' in refusal(tmp_path, folders)
     found, trials = import_json(tmp_path, folders, *GERMAN, *FORCE)
     check_holds(trials, column='source', pattern='lab/{label}/{i:02d}.csv')
@@ -126,7 +129,7 @@ def test_a_file_a_trial_in_folders_named_as_the_label(tmp_path, folders):
     assert 'label: the folder of each file (pla, rubber)' in found['notes']
 
 
-def test_a_signal_that_could_be_another_column_must_be_stated(tmp_path, folders):
+def test_ambiguous_force_column_must_be_named(tmp_path, folders):
     said = refusal(tmp_path, folders, *GERMAN)
     assert 'possible: Kraft [N]. State it with --force-column NAME[,NAME...]' in said
     assert 'columns and first row: Zeit [ms] = 0.0, Kraft [N] = ' in said
@@ -138,7 +141,7 @@ def test_a_signal_that_could_be_another_column_must_be_stated(tmp_path, folders)
     assert trials.x.shape[:2] == (12, 2)
 
 
-def test_labels_from_names_of_files_must_be_stated(tmp_path):
+def test_labels_are_taken_from_file_names_only_on_request(tmp_path):
     for label, i, time_s, tension_n in all_holds():
         table = np.column_stack([time_s, tension_n])
         np.savetxt(tmp_path / f'{label}_{i:02d}.txt', table, header='time_s force_n')
@@ -153,7 +156,7 @@ def test_labels_from_names_of_files_must_be_stated(tmp_path):
     assert trials.columns['turn'].tolist() == ['00', '01', '02', '03', '04', '05'] * 2
 
 
-def test_arrays_with_labels_beside_them(tmp_path):
+def test_arrays_with_a_file_of_labels(tmp_path):
     x = np.stack([tension_n[:240] for _, _, _, tension_n in all_holds()])
     labels = [label for label, *_ in all_holds()]
     np.save(tmp_path / 'x.npy', x)
@@ -176,7 +179,7 @@ STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
 def write_bag(path, plugin, topic, messages):
-    """Write (stamp_ns, message) pairs by rosbags."""
+    """Write pairs of stamp [ns] and message to a bag with rosbags."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with Writer(path, version=9, storage_plugin=plugin) as writer:
         first = messages[0][1]
@@ -223,7 +226,7 @@ def stamped(make, time_s, tension_n):
         (number, None, StoragePlugin.MCAP),
     ],
 )
-def test_bags_of_others(tmp_path, make, field, plugin):
+def test_bags_of_other_software(tmp_path, make, field, plugin):
     for label, i, time_s, tension_n in all_holds(2):
         messages = stamped(make, time_s, tension_n)
         write_bag(tmp_path / 'bags' / label / f'run_{i}', plugin, '/ft', messages)
@@ -237,7 +240,7 @@ def test_bags_of_others(tmp_path, make, field, plugin):
     assert 'no topic /other' in refusal(tmp_path, tmp_path / 'bags', '--topic', '/other')
 
 
-def test_messages_twice_and_out_of_order_are_said(tmp_path):
+def test_duplicate_and_unordered_messages_are_reported(tmp_path):
     for label, i, time_s, tension_n in all_holds(2):
         messages = stamped(wrench, time_s, tension_n)
         messages = [*messages[:50], messages[51], messages[50], messages[50], *messages[52:]]
@@ -261,7 +264,7 @@ def line(label, i, time_s=EVEN_S):
 
 
 def write_lines(folder, pla_s, rubber_s):
-    """Write three trials a label with these times [s]; return the folder."""
+    """Write three trials per label with these times [s]; return the folder."""
     for label, time_s in (('pla', pla_s), ('rubber', rubber_s)):
         for i in range(3):
             rows = rows_of(time_s, line(label, i, time_s), '{!r},{!r}')
@@ -269,16 +272,16 @@ def write_lines(folder, pla_s, rubber_s):
     return folder
 
 
-def test_lost_samples_and_jitter_are_filled_and_said(tmp_path):
+def test_missing_samples_and_jitter_are_interpolated_and_reported(tmp_path):
     folder = write_lines(tmp_path / 'lost', EVEN_S, np.delete(EVEN_S, [50, 51, 120]))
     found, trials = import_json(tmp_path, folder)
     assert any('3 of 6 trials have uneven stamps' in note for note in found['notes'])
     assert trials.lengths.tolist() == [200] * 6
-    for row in range(6):  # a line stays the line
+    for row in range(6):  # interpolation does not change a straight line
         np.testing.assert_allclose(trials.x[row, 0], line(trials.label[row], row % 3), atol=1e-12)
 
 
-def test_a_rate_that_does_not_fit_the_stamps_is_refused(tmp_path):
+def test_rate_that_contradicts_the_stamps_is_refused(tmp_path):
     folder = write_lines(tmp_path / 'a', EVEN_S, EVEN_S)
     assert 'say 100 Hz' in refusal(tmp_path, folder, '--rate-hz', 60)
     assert import_json(tmp_path, folder, '--rate-hz', 100.2)[1].rate_hz == 100.2
@@ -291,8 +294,8 @@ def test_each_rate_is_named_with_its_files(tmp_path):
         files = ', '.join(f'b/{label}/{i}.csv' for i in range(3))
         assert f'{rate} Hz ({files})' in said
     assert 'use recordings of one rate at a time' in said
-    assert '75 Hz' not in said  # which no file has
-    assert '--resample-hz' not in said  # which `import` does not have
+    assert '75 Hz' not in said  # this rate does not occur in any file
+    assert '--resample-hz' not in said  # `import` has no such option
     lines = ['label,trial,time_s,force_n']
     for trial, step_s in enumerate((0.01, 0.01, 0.02)):
         lines += [f'pla,{trial},{i * step_s!r},{i % 7}' for i in range(50)]
@@ -301,7 +304,7 @@ def test_each_rate_is_named_with_its_files(tmp_path):
 
 
 @pytest.mark.filterwarnings('error:.*:RuntimeWarning')
-def test_oddities_of_float32_are_said(tmp_path):
+def test_properties_of_float32_signals_are_reported(tmp_path):
     x = np.random.default_rng(0).normal(size=(16, 2, 3)).astype(np.float32)
     x[2, 1] = 1.0
     np.savez(tmp_path / 'odd.npz', x=x, label=['a', 'b'] * 8, rate_hz=50.0)
@@ -315,12 +318,12 @@ def test_oddities_of_float32_are_said(tmp_path):
         assert 'channel channel_1 is constant' in said
 
 
-def test_kinds_are_not_mixed(tmp_path, long_table):
+def test_recordings_of_different_kinds_are_not_mixed(tmp_path, long_table):
     np.save(tmp_path / 'x.npy', np.zeros((2, 3)))
     assert 'several kinds' in refusal(tmp_path, long_table, tmp_path / 'x.npy')
 
 
-def test_train_and_evaluate_take_what_import_takes(tmp_path, long_table):
+def test_train_and_evaluate_accept_the_same_recordings_as_import(tmp_path, long_table):
     common = ('--task', 'stiffness', '--folds', 2, '--repetitions', 1)
     import_json(tmp_path, long_table)
     (found,) = ask_tactile('evaluate', tmp_path / 'imported.npz', *common)['sets']
@@ -350,8 +353,8 @@ def test_features_as_tables_with_units(tmp_path, long_table):
     names = table.column_names[6:]
     assert text.column_names[6:] == [f'{n} [{u}]' for n, u in zip(names, units, strict=True)]
     for name, stated in zip(names, text.column_names[6:], strict=True):
-        assert text[stated].to_pylist() == table[name].to_pylist()  # every digit
-    # The reference: a line fitted by least squares to each trial, cut to the shortest.
+        assert text[stated].to_pylist() == table[name].to_pylist()  # CSV contains all digits
+    # Expected: the least-squares line of each trial, truncated to the length of the shortest one.
     for row, (_, _, time_s, tension_n) in enumerate(all_holds()):
         slope = np.polyfit(time_s[:240], tension_n[:240], 1)[0]
         assert table[names[0]].to_pylist()[row] == pytest.approx(slope, rel=1e-9)
@@ -367,7 +370,7 @@ def test_features_of_our_bags_have_a_file_for_each_kind(texture_bag, stiffness_b
     assert 'read it directly' in refusal(tmp_path, texture_bag)
 
 
-def test_trials_numbered_anew_in_each_session_are_kept_apart(tmp_path):
+def test_equal_trial_numbers_in_different_sessions_are_different_trials(tmp_path):
     lines = ['session,label,trial,time_s,force_n']
     for session in (1, 2):
         for label in SLOPES:

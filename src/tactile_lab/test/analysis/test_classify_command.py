@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile classify`: new recordings to answers, without labels."""
+"""`tactile classify`: classification of new recordings without labels."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def model(tmp_path_factory):
 
 
 def write_table(path, labels, samples=120, *, rate_hz=RATE_HZ, with_label=False, unit='N'):
-    """Write trials as one table, as another program would."""
+    """Write trials as one table, as other software does."""
     lines = [f'{"label," if with_label else ""}trial,time_s,force_{unit}']
     for number, (label, row) in enumerate(zip(labels, make_rows(labels, samples, 5), strict=True)):
         named = f'{label},' if with_label else ''
@@ -51,7 +51,7 @@ def answers_of(found):
 
 
 @pytest.mark.parametrize('kind', ['table', 'archive', 'files', 'arrays'])
-def test_new_recordings_get_answers_without_labels(model, tmp_path, kind):
+def test_recordings_without_labels_are_classified(model, tmp_path, kind):
     labels = ['coarse', 'fine', 'middle', 'fine']
     paths = [tmp_path / 'new.npz']
     if kind == 'table':
@@ -76,7 +76,7 @@ def test_new_recordings_get_answers_without_labels(model, tmp_path, kind):
     assert 'coarse' in said
 
 
-def test_a_recording_is_loaded_without_an_invented_label(model, tmp_path):
+def test_recording_without_labels_is_loaded(model, tmp_path):
     path = write_table(tmp_path / 'new.csv', ['fine'])
     text = path.read_text().replace('trial,', 'material,').replace('\n0,', '\nsilk,')
     path.write_text(text)
@@ -89,7 +89,7 @@ def test_a_recording_is_loaded_without_an_invented_label(model, tmp_path):
             recording.windows()
 
 
-def test_longer_trials_are_cut_and_shorter_ones_have_no_answer(model, tmp_path):
+def test_long_trials_are_cut_and_short_ones_are_not_classified(model, tmp_path):
     path = write_table(tmp_path / 'long.csv', ['fine', 'coarse'], 200, with_label=True)
     found = ask_tactile('classify', path, '--model', model)
     assert answers_of(found) == ['fine', 'coarse']
@@ -102,7 +102,7 @@ def test_longer_trials_are_cut_and_shorter_ones_have_no_answer(model, tmp_path):
     assert both['trials'][2]['reason']
 
 
-def test_rate_unit_and_question_must_be_those_of_the_model(model, tmp_path):
+def test_rate_unit_and_task_must_match_the_model(model, tmp_path):
     path = write_table(tmp_path / 'fast.csv', ['fine'], 240, rate_hz=120.0)
     said = hear_tactile('classify', path, '--model', model, code=2)
     assert 'the rate is 120 Hz, but the model was trained at 60 Hz' in said
@@ -124,7 +124,7 @@ def test_rate_unit_and_question_must_be_those_of_the_model(model, tmp_path):
     assert '--model' in said
 
 
-def test_a_model_finds_its_channel_among_several(tmp_path):
+def test_channel_of_the_model_is_found_by_name(tmp_path):
     label = np.repeat(LABELS, 20)
     noise = np.random.default_rng(1).normal(size=(60, 120))
     x = np.stack([noise, make_rows(label)], axis=1)
@@ -147,7 +147,7 @@ def test_a_model_finds_its_channel_among_several(tmp_path):
     assert 'was trained on channel fz' in hear_tactile(*refused, code=2)
 
 
-def test_bags_are_classified_as_live(stiffness_bag, trained):
+def test_bags_are_classified_with_live_results(stiffness_bag, trained):
     found = ask_tactile('classify', stiffness_bag, '--model', trained)
     with TrialSet.load(stiffness_bag) as recording:
         trials = {trial.name: trial for trial in recording.trials}

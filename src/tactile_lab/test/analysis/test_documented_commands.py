@@ -44,7 +44,7 @@ OF_THE_WORKSPACE = {'build', 'clean', 'docs', 'run', 'shell', 'test'}
 COMMANDS = {page: read_page(page)[0] for page in PAGES}
 
 EVALUATED_ELSEWHERE = 'tactile evaluate bags/* --report report.html'
-"""evaluation.md has this command with a comment, which is run on the same bags."""
+"""Command that is not run: evaluation.md has it again with a comment, and this one is run."""
 
 HOW_TO = {'experiments.md', *(page for page, _ in FILES)}
 
@@ -121,7 +121,7 @@ def test_commands_of_how_to_pages_run_as_written(name, recordings, rewrite, tmp_
 
 
 def run_here(command, terminal):
-    """Run one command, `tactile` in this process; patterns are expanded like in a shell.
+    """Run one command, in this process if it is `tactile`; patterns are expanded as in a shell.
 
     Returns the output.
     """
@@ -140,14 +140,14 @@ def run_here(command, terminal):
 
 
 SHOWS_ITS_FILES = re.compile(r'tactile (import|classify|train lab)')
-"""Commands whose output is that of the page; others depend on the recordings."""
+"""Commands whose output must equal the page. The output of others depends on the recordings."""
 
 
 def record_experiment(path, rewrite, bag=None):
-    """Fill the folder of an experiment with simulated trials, which takes no real time.
+    """Fill the folder of an experiment with simulated trials, without running it in real time.
 
-    Without a bag, as many trials as planned are simulated. With one, the journal has all planned
-    trials, and the bag has those that fit.
+    If ``bag`` is None, all planned trials are simulated. Otherwise, the trials are taken from this
+    bag; the journal has all planned trials, but the bag may contain fewer.
     """
     if path.exists():
         return
@@ -164,7 +164,7 @@ def record_experiment(path, rewrite, bag=None):
     left, planned = list(order), {}
 
     def plan_trial(type_name, message):
-        """Turn a simulated trial into the next planned trial of its object, if there is one."""
+        """Change a simulated trial to the next planned trial of its object, if there is one."""
         if type_name != EVENT:
             return message
         if message.trial_id not in planned:
@@ -191,7 +191,7 @@ def name_mounting(trial):
     return f'{trial.session_id}-m{trial.mounting:02d}'
 
 
-def test_commands_that_are_not_run_are_still_on_the_pages():
+def test_patterns_of_commands_that_are_not_run_still_occur():
     texts = [command.text for commands in COMMANDS.values() for command in commands]
     gone = [row for row in NOT_RUN if not any(re.match(row, text) for text in texts)]
     assert not gone, 'take them out of NOT_RUN'
@@ -208,7 +208,7 @@ def test_commands_are_in_console_blocks_and_their_options_exist(page):
 
 
 def check_options(words):
-    """Check that a command exists, and each of its options."""
+    """Check that a command and each of its options exist."""
     if words[0] in OF_THE_WORKSPACE or words[0].startswith('-'):
         return
     assert words[0] in program.COMMANDS, words
@@ -221,7 +221,8 @@ def check_options(words):
 
 
 def test_launch_arguments_exist():
-    page = (ROOT / 'docs' / 'parameters.md').read_text('utf-8')  # its tables equal the code
+    # Its tables are compared with the code by another test.
+    page = (ROOT / 'docs' / 'parameters.md').read_text('utf-8')
     page = page.split('## Arguments of the launch files')[1]
     known = {}
     for files, table in re.findall(r'^(\*\*`[^\n]*)\n\n(.*?)\n\n', page, re.MULTILINE | re.DOTALL):

@@ -24,7 +24,10 @@ HOLDS = ('--task', 'stiffness', '--folds', 3, *ONCE)
 
 @pytest.fixture
 def save(tmp_path):
-    """Save holds on two materials in two sessions; the second session is weaker and noisier."""
+    """Return a function that saves holds on two materials in two sessions.
+
+    The second session has a smaller signal and more noise.
+    """
 
     def save(**changes):
         rng = np.random.default_rng(5)
@@ -41,7 +44,7 @@ def save(tmp_path):
     return save
 
 
-def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save):
+def test_accuracy_on_selected_test_trials_equals_scikit_learn(save):
     path, _ = save()
     said = hear_tactile('evaluate', path, *HOLDS, '--train-where', 'day=1', code=2)
     assert 'must be given together' in said
@@ -74,7 +77,7 @@ def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save)
     assert scores['knn', 'standard'] == pytest.approx(expected)
 
 
-def test_bad_trials_are_skipped_and_listed_everywhere(save, tmp_path):
+def test_unusable_trials_are_skipped_and_listed_everywhere(save, tmp_path):
     _, x = save()
     x = x.copy()
     x[3, 0, 5] = np.inf
@@ -88,7 +91,7 @@ def test_bad_trials_are_skipped_and_listed_everywhere(save, tmp_path):
     document, said = ask_and_hear_tactile('evaluate', path, *HOLDS, *options)
     (found,) = document['sets']
     for shown in (said, report.read_text()):
-        assert 'skipped 2 trials' in shown
+        assert 'skipped trials: 2' in shown
         assert 'trial 3: channel channel_0 is not finite at 1 of 200 samples' in shown
         assert 'trial 40: channel channel_0 is not finite at 1 of 200 samples' in shown
     assert [each.split(':')[0] for each in found['skipped']] == ['trial 3', 'trial 40']
@@ -105,7 +108,7 @@ def test_resampling_and_crop_are_stated(save):
     assert 'cut to the first 1.9 s' in hear_tactile('evaluate', path, *HOLDS)
 
 
-def test_columns_select_by_value_by_values_or_by_truth():
+def test_where_selects_by_value_by_values_or_by_boolean():
     columns = {
         'day': np.array([1, 2, 3]),
         'good': np.array([True, False, True]),
@@ -135,10 +138,10 @@ def splits_of(found):
     return [evaluation['split'] for evaluation in found['evaluations']]
 
 
-def test_an_experiment_is_evaluated_whatever_its_mountings(simulate_bag, rewrite, tmp_path):
-    """One session of two objects, each mounted twice.
+def test_experiment_with_few_mountings_is_evaluated(simulate_bag, rewrite, tmp_path):
+    """The experiment has one session of two objects, each mounted twice.
 
-    With one mounting held out, some inner folds would train on only one object.
+    If one mounting is held out, some inner folds have only one object in the training.
     """
     objects = ('pla', 'sponge')
     trials = {}
@@ -185,10 +188,8 @@ def save_levels(path, **columns):
         ),
     ],
 )
-def test_splits_that_cannot_be_made_are_told_beside_those_that_can(
-    tmp_path, options, splits, told
-):
-    day = np.where(np.arange(12) % 2, 'monday', 'tuesday')  # and label coincide
+def test_impossible_splits_are_reported_beside_possible_ones(tmp_path, options, splits, told):
+    day = np.where(np.arange(12) % 2, 'monday', 'tuesday')  # day and label coincide
     asked = save_levels(tmp_path / 'x.npz', day=day, part=np.arange(12) // 4)
     document, said = ask_and_hear_tactile('evaluate', *asked, *options)
     (found,) = document['sets']
@@ -205,8 +206,8 @@ def test_no_possible_split_is_one_sentence(tmp_path):
     assert 'class "b" has only one trial' in said
 
 
-def test_groups_that_are_too_small_to_choose_by_leave_the_most_robust_candidate(tmp_path):
-    # Three groups of one trial of each class and no more: two trials are left inside a fold.
+def test_groups_that_are_too_small_for_a_choice_select_the_most_robust_candidate(tmp_path):
+    # Each of the three groups has one trial per label, so few trials remain in the inner folds.
     label, part = np.tile(['a', 'b'], 3), np.repeat([0, 1, 2], 2)
     x = np.random.default_rng(1).normal(size=(6, 60))
     np.savez(tmp_path / 'few.npz', x=x, label=label, rate_hz=60.0, part=part)
@@ -218,15 +219,15 @@ def test_groups_that_are_too_small_to_choose_by_leave_the_most_robust_candidate(
     assert '3 groups are too few for a choice by accuracy' in said
 
 
-def test_a_candidate_that_cannot_be_fitted_is_left_out_with_one_line(tmp_path):
+def test_candidate_that_cannot_be_fitted_is_omitted_with_one_line(tmp_path):
     x = np.random.default_rng(0).normal(size=(16, 6))  # too short for random convolutions
     np.savez(tmp_path / 'short.npz', x=x, label=['a', 'b'] * 8, rate_hz=50.0)
     said = hear_tactile('evaluate', tmp_path / 'short.npz', '--task', 'texture', *ONCE)
     assert said.count('glide_waveform, rocket, none left out: ') == 1
-    assert 'This model: texture_spectrum with' in said
+    assert 'Model: texture_spectrum with' in said
 
 
-def test_labels_tied_to_sessions_are_told(stiffness_bag, rewrite, tmp_path):
+def test_labels_that_coincide_with_sessions_are_reported(stiffness_bag, rewrite, tmp_path):
     def change(type_name, message):
         if type_name == EVENT:
             message.session_id = f'day of {message.object_label}'

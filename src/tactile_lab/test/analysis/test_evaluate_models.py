@@ -29,7 +29,7 @@ def hear(*recordings, models, options=(), code=2):
 
 @pytest.fixture(scope='module')
 def bags(simulate_bag):
-    """Return bags of two seeds, of three sessions each: to train on, and new trials."""
+    """Return two bags of three sessions each: training trials, and new trials of another seed."""
     return [simulate_bag('texture', 'flexion', 2, seed=seed, sessions=3) for seed in (3, 4)]
 
 
@@ -41,7 +41,7 @@ def tables(bags):
 
 @pytest.fixture(scope='module')
 def models(tables, tmp_path_factory):
-    """Return a good model and a worse one: half of its labels were shuffled in training."""
+    """Return a good model, and a worse one that was trained with half of its labels shuffled."""
     folder = tmp_path_factory.mktemp('models')
     table = tables[0]
     write_model(folder / 'good.npz', train(table, 'knn'))
@@ -53,7 +53,7 @@ def models(tables, tmp_path_factory):
     return folder / 'good.npz', folder / 'worse.npz'
 
 
-def test_the_worse_model_is_found_on_new_sessions(bags, tables, models):
+def test_worse_model_is_identified_on_new_sessions(bags, tables, models):
     found = evaluate(bags[1], models=models)
     table = tables[1]
     correct = np.array(
@@ -64,7 +64,7 @@ def test_the_worse_model_is_found_on_new_sessions(bags, tables, models):
     for score, mine in zip(found['scores'], correct, strict=True):
         assert score['accuracy'] == pytest.approx(mine.mean())
         interval = score['interval']
-        if 'reason' not in interval:  # some sessions differ
+        if 'reason' not in interval:  # the accuracies of the sessions differ
             assert interval['low'] < score['accuracy'] <= interval['high']
             exact = score['accuracy'] in (0.0, 1.0)
             method = 'exact binomial' if exact else 'Wilson with t'
@@ -81,7 +81,7 @@ def test_the_worse_model_is_found_on_new_sessions(bags, tables, models):
     assert not found['warnings']
 
 
-def test_training_trials_are_left_out_and_counted(bags, tables, models):
+def test_training_trials_are_excluded_and_counted(bags, tables, models):
     both = evaluate(*bags, models=models[:1])
     new = evaluate(bags[1], models=models[:1])
     assert both['models'][0]['training_trials'] == len(tables[0])
@@ -93,7 +93,7 @@ def test_training_trials_are_left_out_and_counted(bags, tables, models):
     assert 'recordings that were not used in training' in said
 
 
-def test_trials_of_a_session_with_training_trials_are_pointed_out(bags, tables, tmp_path):
+def test_trials_of_a_training_session_cause_a_warning(bags, tables, tmp_path):
     table = tables[0]
     half = np.arange(len(table)) // 8 % 2 == 0
     path = tmp_path / 'half.npz'
@@ -103,7 +103,7 @@ def test_trials_of_a_session_with_training_trials_are_pointed_out(bags, tables, 
     assert 'from sessions used in training' in found['warnings'][0]
 
 
-def test_the_digest_of_a_trial_survives_rounding_and_tells_trials_apart(tables):
+def test_digest_of_a_trial_ignores_rounding_and_differs_between_trials(tables):
     table = tables[0]
     digests = table.digest_trials()
     assert len(set(digests)) == len(table)
@@ -112,7 +112,7 @@ def test_the_digest_of_a_trial_survives_rounding_and_tells_trials_apart(tables):
     assert np.mean(np.array(other.digest_trials()) == digests) > 0.97
 
 
-def test_each_model_gets_its_own_features_and_window(bags, models, tmp_path):
+def test_each_model_is_evaluated_with_its_features_and_window(bags, models, tmp_path):
     paths = [models[0]]
     for name, feature_options in (
         ('waveform', FeatureOptions(features='glide_waveform')),
@@ -131,7 +131,7 @@ def test_each_model_gets_its_own_features_and_window(bags, models, tmp_path):
     assert features == ['texture_spectrum', 'texture_spectrum']
 
 
-def test_trials_of_a_label_that_one_model_does_not_know_do_not_count(
+def test_trials_of_a_label_that_one_model_does_not_know_are_excluded(
     bags, tables, models, tmp_path
 ):
     table, fewer = tables[0], tmp_path / 'fewer.npz'
@@ -154,7 +154,10 @@ def test_trials_of_a_label_that_one_model_does_not_know_do_not_count(
 
 @pytest.fixture
 def archives(tmp_path):
-    """Return archives of three materials in four sessions, and the trials of the last two."""
+    """Return functions that save archives of three materials and train on them.
+
+    The archives have four sessions. The third value is a mask of the trials of the first two.
+    """
     generator = np.random.default_rng(5)
     time_s = np.arange(100) / 100.0
     label = np.tile(['a', 'b', 'c'], 40)
@@ -208,7 +211,7 @@ def test_archives_with_other_rates_tasks_and_unusable_trials(archives, bags, tra
     assert (fewer['trials'], len(fewer['left_out'])) == (found['trials'] - 1, 1)
 
 
-def test_a_trial_that_only_one_model_refuses_is_wrong_for_it(
+def test_trial_without_features_for_one_model_counts_as_wrong_for_it(
     bags, tables, models, rewrite, tmp_path
 ):
     (table,) = read_tables(bags[:1], options=FeatureOptions(window_s=1.0)).values()
@@ -216,7 +219,7 @@ def test_a_trial_that_only_one_model_refuses_is_wrong_for_it(
     end_ns = int(tables[1].column('window_end_ns')[4])
 
     def lose_end(type_name, message):
-        """Lose the block of samples, of one second, at the end of the window of one trial."""
+        """Omit the strain block of one second at the end of the window of one trial."""
         if type_name != 'tactile_msgs/msg/StrainBlock':
             return message
         stamp = message.header.stamp
@@ -239,7 +242,7 @@ def test_a_trial_that_only_one_model_refuses_is_wrong_for_it(
         * (trials - 1)
         / trials
     )
-    # By itself the model is evaluated on the trials that give it features.
+    # A single model is evaluated only on the trials for which it has features.
     assert evaluate(gap, models=models[:1])['trials'] == trials - 1
 
 

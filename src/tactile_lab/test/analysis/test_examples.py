@@ -17,12 +17,12 @@ DOCS = Path(__file__).resolve().parents[4] / 'docs'
 SCRIPTS = sorted((DOCS / 'examples').glob('*.py'))
 
 
-def test_there_are_examples():
+def test_examples_exist():
     assert SCRIPTS or not DOCS.is_dir()
 
 
 @pytest.mark.parametrize('script', SCRIPTS, ids=lambda script: script.stem)
-def test_the_page_of_an_example_is_what_it_does(script, tmp_path, monkeypatch):
+def test_page_of_an_example_contains_its_output(script, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, 'path', [str(DOCS), *sys.path])
     monkeypatch.delenv('TACTILE_DATA', raising=False)
     examples = importlib.import_module('examples')
@@ -41,7 +41,7 @@ def test_the_page_of_an_example_is_what_it_does(script, tmp_path, monkeypatch):
         assert (DOCS / 'images' / image.name).is_file()
 
 
-def test_the_protocol_of_the_paper_on_public_recordings(tmp_path, monkeypatch):
+def test_accuracies_of_the_paper_protocol_on_public_recordings(tmp_path, monkeypatch):
     shared = Path(__file__).resolve().parents[5] / 'shared' / 'data'
     folder = Path(os.environ.get('TACTILE_DATA', shared))
     if not (folder / 'fabric_slide.npz').is_file():
@@ -52,7 +52,7 @@ def test_the_protocol_of_the_paper_on_public_recordings(tmp_path, monkeypatch):
     page = examples.build_page(DOCS / 'examples' / 'paper_protocol.py', tmp_path)
     assert 'fabric_slide.npz (252, 180) 7 labels' in page
     measured = re.findall(r'^(.+?) +(not scaled|scaled) +([\d.]+) ±', page, re.MULTILINE)
-    expected = {  # the table of docs/real_recordings.md
+    expected = {  # from the table in docs/real_recordings.md
         ('3 neighbours', 'scaled'): 61.0,
         ('3 neighbours', 'not scaled'): 90.0,
         ('SVM linear', 'scaled'): 63.5,

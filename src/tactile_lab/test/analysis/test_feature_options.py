@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`--features` of train and evaluate: sets by name, and the choice inside the folds."""
+"""`--features` of train and evaluate: named feature sets, and the choice within the folds."""
 
 import numpy as np
 import pytest
@@ -22,19 +22,19 @@ def save_glides(path, x, label, **columns):
 CHEAP = ('--repetitions', 1, '--folds', 2)
 
 
-def test_train_chooses_features_and_classifier_and_names_the_runner_up(texture_bag, tmp_path):
+def test_train_chooses_features_and_classifier_and_prints_the_candidates(texture_bag, tmp_path):
     said = hear_tactile('train', texture_bag, '-o', tmp_path, *CHEAP)
     model = load_model(tmp_path / 'texture_flexion.npz')
     stated = model.manifest.cross_validation
     assert stated['split'] == 'one session held out'
-    assert stated['choice']['candidates'] == 16  # two sets of features, and two waveforms
+    assert stated['choice']['candidates'] == 16  # two feature sets, and two sets of waveforms
     nested = f'{100 * stated["mean"]:.1f}'
     for text in (
         'in training and testing',
         f'texture, flexion: {model.spec.feature_set} with',
         'runner-up: ',
         f'accuracy of this selection procedure: {nested} % (one session held out',
-        # The table has the accuracies by held-out sessions.
+        # The table has the accuracies with held-out sessions.
         'accuracy in %: one session held out',
     ):
         assert text in said
@@ -43,13 +43,13 @@ def test_train_chooses_features_and_classifier_and_names_the_runner_up(texture_b
     ]
     assert 'stratified' not in said
     assert f'this selection procedure {nested}' in ' '.join(table.split())
-    # A card states this accuracy and no other.
+    # The card contains only this accuracy.
     assert 'cross-validation' not in model.card
     assert 'classified correctly' not in model.card
     assert f'- accuracy: {nested} % (one session held out, chosen inside the folds' in model.card
 
 
-def test_a_stated_set_leaves_the_classifier_to_the_folds(texture_bag, tmp_path):
+def test_if_a_feature_set_is_given_only_the_classifier_is_chosen(texture_bag, tmp_path):
     stated = ('--features', 'texture_spectrum', '--scaling', 'standard', '--group', 'trial_block')
     hear_tactile('train', texture_bag, '-o', tmp_path, *stated, *CHEAP)
     manifest = load_model(tmp_path / 'texture_flexion.npz').manifest
@@ -64,16 +64,16 @@ def test_a_stated_set_leaves_the_classifier_to_the_folds(texture_bag, tmp_path):
     [
         (('--group', 'bag'), 'all trials have the same bag'),
         (('--group', 'bag', '--classifier', 'knn'), 'all trials have the same bag'),
-        (('--features', 'auto', '--classifier', 'knn'), 'leave --classifier out'),
-        (('--features', 'slope'), 'it must be auto or name sets of features: texture_spectrum'),
+        (('--features', 'auto', '--classifier', 'knn'), 'omit --classifier'),
+        (('--features', 'slope'), 'it must be auto or feature sets: texture_spectrum'),
     ],
 )
-def test_what_leaves_nothing_to_choose_is_refused(texture_bag, tmp_path, options, refusal):
+def test_contradictory_options_of_the_choice_are_refused(texture_bag, tmp_path, options, refusal):
     assert refusal in hear_tactile('train', texture_bag, '-o', tmp_path, *options, *CHEAP, code=2)
     assert not list(tmp_path.iterdir())
 
 
-def test_all_channels_of_an_archive_count_for_random_convolutions(tmp_path):
+def test_random_convolutions_use_all_channels_of_an_archive(tmp_path):
     label = np.repeat(['a', 'b'], 8)
     x = np.random.default_rng(0).normal(size=(16, 3, 60))
     x[:, 1] += np.where(label == 'a', 6.0, 0.0)[:, None]
@@ -93,7 +93,7 @@ def test_all_channels_of_an_archive_count_for_random_convolutions(tmp_path):
     assert (manifest.spec.feature_set, manifest.classifier) == ('glide_waveform', 'rocket')
 
 
-def test_each_set_goes_to_its_phase():
+def test_each_feature_set_is_used_for_its_phase():
     assert FeatureOptions(features='glide_waveform,hold_waveform').choose_fields() == {
         'texture_features': 'glide_waveform',
         'stiffness_features': 'hold_waveform',
@@ -106,7 +106,7 @@ def test_each_set_goes_to_its_phase():
         FeatureOptions(over='45:0.5', features='glide_waveform').choose_fields()
 
 
-def test_folds_choose_the_set_for_an_archive(tmp_path):
+def test_feature_set_of_an_archive_is_chosen_by_cross_validation(tmp_path):
     label = np.repeat(['low', 'high'], 12)
     x = np.random.default_rng(1).normal(size=(24, 1, 60))
     x += np.where(label == 'low', 0.0, 4.0)[:, None, None]
@@ -114,17 +114,17 @@ def test_folds_choose_the_set_for_an_archive(tmp_path):
     archive = save_glides(tmp_path / 'levels.npz', x, label, **columns)
     options = ('--task', 'texture', '--features', 'auto', *CHEAP, '--group', 'part')
     said = hear_tactile('evaluate', archive, *options)
-    # Labels differ in the level, which a spectrum does not contain.
+    # The labels differ in the mean, which the spectrum does not contain.
     assert 'texture: glide_waveform with' in said
     assert 'auto: glide_waveform' in said
     assert 'one part held out' in said
-    # Sets over the surface are not possible without speeds, and need no line.
+    # Feature sets over distance are impossible without speeds, and are not mentioned.
     assert 'speed' not in said
     assert 'left out' not in said
 
 
-def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_path):
-    # One label has most trials of two parts and few of the third: chance differs by split.
+def test_nested_accuracy_on_noise_is_printed_with_the_chance_of_its_split(tmp_path):
+    # In two parts most trials have the same label, in the third few: chance depends on the split.
     rng = np.random.default_rng(4)
     label = np.repeat(['a', 'b'], [20, 10])
     archive = save_glides(
@@ -144,17 +144,17 @@ def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_pat
     nested = f'accuracy of this selection procedure: {100 * mean:.1f} %'
     assert choice['ranking'][0]['accuracy'] >= mean
     assert (choice['groups'], choice['nested']['split']) == (3, 'one part held out')
-    # First where it is chosen, and again below the first sentence.
+    # It is printed by the choice, and again below the first sentence.
     assert said.count(nested) == 2
     assert said.count('chance 66.7 %') >= 2
     chosen = choice['chosen']
-    assert f'This model: {chosen["feature_set"]} with ' in said
+    assert f'Model: {chosen["feature_set"]} with ' in said
     # The headline comes before the tables.
     assert said.index(sentence) < said.index('accuracy in %')
 
 
-def test_evaluate_leads_with_what_train_would_write(tmp_path):
-    """Labels differ in the level, which neighbours on the spectrum do not use."""
+def test_evaluate_begins_with_the_accuracy_of_the_model_that_train_would_write(tmp_path):
+    """The labels differ in the mean of the signal, which the spectrum does not contain."""
     label = np.repeat(['low', 'high'], 12)
     x = np.random.default_rng(1).normal(size=(24, 1, 60))
     x += np.where(label == 'low', 0.0, 4.0)[:, None, None]
@@ -167,7 +167,7 @@ def test_evaluate_leads_with_what_train_would_write(tmp_path):
     assert found['headline']['mean'] == manifest.cross_validation['mean'] == 1.0
     assert found['feature_choice']['chosen']['feature_set'] == manifest.spec.feature_set
     assert manifest.spec.feature_set == 'glide_waveform'
-    # 100 % says little without the number of trials and its interval.
+    # An accuracy of 100 % must come with the number of trials and the interval.
     sentence = (
         '100.0 % of the trials of a new session are classified correctly '
         '(24 trials of 3 sessions; 95 % interval 29.2 to 100.0 %; chance 50.0 %).'
@@ -176,13 +176,13 @@ def test_evaluate_leads_with_what_train_would_write(tmp_path):
     assert found['headline']['recall'] == {'high': 1.0, 'low': 1.0}
     assert 'recall by label in %' in said
     assert found['permuted']['p_value'] == pytest.approx(1 / 21)
-    # The paper's four classifiers follow on the spectrum.
+    # The paper's four classifiers follow, with the spectrum as features.
     assert found['feature_set'] == 'texture_spectrum'
     assert said.index(sentence) < said.index('3 nearest neighbours')
 
 
-def test_trials_to_test_on_do_not_choose(tmp_path):
-    # Labels differ in the level of the first 12 trials, and in the frequency of the others.
+def test_test_trials_do_not_influence_the_choice(tmp_path):
+    # The labels differ in the mean of the first 12 trials, and in the frequency of the others.
     label = np.tile(['a', 'b'], 18)
     is_b, later = label == 'b', np.arange(36) >= 12
     rng, time_s = np.random.default_rng(6), np.arange(60) / 60.0
@@ -204,9 +204,9 @@ def test_trials_to_test_on_do_not_choose(tmp_path):
         ]
         choices.append(ranking)
         assert 'chosen on trials with later=0' in said
-        assert ' of the stated test trials are classified correctly' in said
+        assert 'On the selected test trials, ' in said
         assert 'trained on later=0 (12 trials), tested on later=1' in said
-        assert 'chosen on trials that are not tested' in said
+        assert 'chosen on the training trials only' in said
         chosen = found['feature_choice']['chosen']
         (mean,) = (
             s['mean']
@@ -218,7 +218,7 @@ def test_trials_to_test_on_do_not_choose(tmp_path):
     assert choices[0] == choices[1]
 
 
-def test_few_trials_to_train_on_choose_by_fewer_folds(tmp_path):
+def test_few_training_trials_reduce_the_number_of_folds(tmp_path):
     label = np.tile(['a', 'b'], 12)
     x = np.random.default_rng(1).normal(size=(24, 1, 60)) + (label == 'a')[:, None, None]
     archive = save_glides(tmp_path / 'few.npz', x, label, part=np.arange(24) // 8)
@@ -229,7 +229,7 @@ def test_few_trials_to_train_on_choose_by_fewer_folds(tmp_path):
     assert '% (stratified 4-fold' in said
 
 
-def test_folds_choose_among_sets_over_the_surface_where_speeds_are_stated(tmp_path):
+def test_feature_sets_over_distance_are_candidates_if_speeds_are_known(tmp_path):
     rng = np.random.default_rng(2)
     label, speed = np.tile(['a', 'b'], 8), np.repeat([15.0, 20.0], 8)
     at_mm = speed[:, None] * np.arange(200) / 60.0

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated glides at several speeds: from `tactile simulate --speed` to a table over distance."""
+"""Simulated glides at several speeds, and features over distance."""
 
 import dataclasses
 
@@ -28,18 +28,18 @@ def bags(tmp_path_factory):
     return [folder / f'texture_flexion_{mm_s}mm_s' for mm_s in SPEEDS_MM_S]
 
 
-def test_each_speed_has_a_bag_whose_events_state_it(bags):
+def test_each_speed_has_a_bag_with_this_speed_in_its_events(bags):
     for mm_s, bag in zip(SPEEDS_MM_S, bags, strict=True):
         table = read_tables([bag], parse_over('45:0.5'))['texture', 'flexion']
         assert len(table) == 16
         assert set(table.column('glide_speed_m_s')) == {mm_s / 1e3}
         assert table.spec.feature_set == 'texture_spatial'
-        # 45 mm each, however long that takes.
+        # Each window has 45 mm, so its duration depends on the speed.
         duration_s = (table.column('window_end_ns') - table.column('window_start_ns')) / 1e9
         np.testing.assert_allclose(duration_s * mm_s, 45.0, atol=mm_s / 60.0)
 
 
-def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, tmp_path):
+def test_model_over_distance_requires_nodes_with_the_same_parameters(bags, tmp_path):
     arguments = ('train', *bags, '-o', tmp_path, '--over', '45:0.5')
     hear_tactile(*arguments, '--repetitions', 1, '--folds', 2)
     model = load_model(tmp_path / 'texture_flexion.npz')
@@ -52,7 +52,7 @@ def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, t
     assert 'no early windows' in said
 
 
-def test_windows_that_are_none_and_speeds_of_others_are_refused(tmp_path):
+def test_invalid_windows_over_distance_and_speeds_of_stiffness_are_refused(tmp_path):
     for text in ('45', '45:', 'a:b', '1:0.5', '45:0', 'nan:1'):
         with pytest.raises(TactileError, match='--over'):
             parse_over(text)
@@ -73,13 +73,13 @@ def archive(tmp_path):
 
 
 def options_for(**changes):
-    """Return the options of a small evaluation; None leaves one out."""
+    """Return the options of a small evaluation; an option is omitted if its value is None."""
     given = {'task': 'texture', 'group': 'speed_mm_s', 'folds': 2, 'repetitions': 1}
     given |= {'over': '30:0.5', 'speed-column': 'speed_mm_s', **changes}
     return [part for k, v in given.items() if v is not None for part in (f'--{k}', v)]
 
 
-def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive):
+def test_archive_is_evaluated_over_distance_with_one_speed_held_out(archive):
     (result,) = ask_tactile('evaluate', archive, *options_for())['sets']
     assert 'over 30:0.5 mm' in result['title']
     assert result['features'][0] == 'tension__spatial_spectrum__per_m_33.333'
@@ -95,5 +95,5 @@ def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive):
         ({'over': '100:0.5'}, 'trial 0: it has 200 samples'),
     ],
 )
-def test_what_does_not_fit_is_refused_with_a_sentence(archive, fields, sentence):
+def test_contradictory_values_are_refused_with_a_sentence(archive, fields, sentence):
     assert sentence in hear_tactile('evaluate', archive, *options_for(**fields), code=2)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording of another release is read, and its features and answers are computed again."""
+"""A bag of an older version is read, and its features and predictions are computed again."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ RECORDING = Path(__file__).parents[1] / 'data' / 'recorded_at_c3a91d4a'
 
 @pytest.fixture(scope='module')
 def stored():
-    """Return the messages by type, read by rosbags with the definitions of the bag."""
+    """Return the messages of each type, read by rosbags with the definitions in the bag."""
     found = {}
     with AnyReader([RECORDING]) as reader:
         for connection, _, data in reader.messages():
@@ -45,7 +45,7 @@ def bag():
 
 
 def as_dict(message):
-    """Return the fields of a message, and not the constants."""
+    """Return the fields of a message, without its constants."""
     return {
         name: as_dict(value) if hasattr(value, '__msgtype__') else np.asarray(value).tolist()
         for name, value in vars(message).items()
@@ -60,7 +60,7 @@ def test_samples_events_and_tares_keep_every_field(bag, stored, type_name):
     assert len(read) == {STRAIN: 661, EVENT: 5, TARE: 1}[type_name]
 
 
-def test_other_messages_are_decoded_by_the_definitions_of_the_bag(bag, stored):
+def test_other_messages_are_decoded_with_the_definitions_in_the_bag(bag, stored):
     (window,), (answer,) = stored[FEATURES], stored[CLASSIFICATION]
     (info,) = stored[MODELS][0].models
     results = recorded_results(bag)
@@ -77,14 +77,14 @@ def test_other_messages_are_decoded_by_the_definitions_of_the_bag(bag, stored):
     assert nominal_rate_hz(bag) == 60.0
 
 
-def test_its_trial_is_loaded_with_label_and_samples():
+def test_trial_of_the_old_bag_is_loaded_with_label_and_samples():
     (trial,) = TrialSet.load([RECORDING]).trials
     assert (trial.label, trial.session_id, trial.contact) == ('pla', 's1', 'flexion')
     assert trial.columns['simulated'] is True
     assert trial.signal.values.shape == (1, 397)
 
 
-def test_features_and_answers_are_computed_again(bag, stored, trained):
+def test_features_and_classifications_of_the_old_bag_are_computed_again(bag, stored, trained):
     results = replay_through_core(bag, ModelSet.load(trained), recorded_features(bag))
     (window,), (recorded,) = results.windows, stored[FEATURES]
     # Versions of NumPy differ in the last bits of a sum.

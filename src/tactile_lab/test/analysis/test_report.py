@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report: sentences follow from the numbers, and the file is self-contained."""
+"""The report: its sentences agree with the numbers, and its file is self-contained."""
 
 import dataclasses
 import hashlib
@@ -57,7 +57,7 @@ def example_of(row, time_s, values):
 
 
 def make_easy_holds():
-    """Objects that differ only in slope, while the intercept varies far more."""
+    """Return objects that differ only in the slope, although the intercept varies much more."""
     generator = np.random.default_rng(3)
     code = np.repeat([0, 1, 2], 24)
     columns = (
@@ -80,7 +80,7 @@ def make_textures():
     )
     spec = spec_for('texture', FeatureConfig())
     table = FeatureTable(compute_spectrum(signals), labels, spec, {'day': np.arange(24) % 3})
-    rows = [12, 0]  # one of each label
+    rows = [12, 0]  # one trial of each label
     examples = tuple(example_of(row, time_s, signals[row]) for row in rows)
     return RecordingSet('texture, x.npz', '', False, table, (('day',),), 'raw', examples)
 
@@ -126,7 +126,7 @@ class LinkCollector(html.parser.HTMLParser):
         self.links += [value for name, value in attrs if name in names]
 
 
-def test_page_stands_alone_escapes_labels_and_names_the_split_of_every_table(page):
+def test_page_is_self_contained_escapes_labels_and_names_the_split_of_every_table(page):
     collector = LinkCollector()
     collector.feed(page)
     assert [link for link in collector.links if not link.startswith('#')] == []
@@ -145,7 +145,7 @@ def test_page_stands_alone_escapes_labels_and_names_the_split_of_every_table(pag
     assert len(of_accuracies) == 5
     for caption in of_accuracies:
         assert 'stratified 3-fold' in caption or 'one day held out' in caption
-    # Training inside makes intervals over held-out groups cover less than 95 %.
+    # Intervals over held-out groups cover less than 95 %, because training sets overlap.
     tables = [caption for caption in of_accuracies if 'interval: ' in caption]
     stated = [caption for caption in tables if 'true accuracy in 84 to 95 % of' in caption]
     assert stated == [caption for caption in tables if 'Wilson with t over 3 groups' in caption]
@@ -153,17 +153,19 @@ def test_page_stands_alone_escapes_labels_and_names_the_split_of_every_table(pag
     assert 'SIMULATED' not in page
 
 
-def test_sentence_picture_signals_tables_come_in_this_order_and_the_rest_is_folded(page, textures):
+def test_page_begins_with_sentence_figure_signals_and_tables_and_collapses_the_rest(
+    page, textures
+):
     whole, *folded = page.split('<details>')
     sentence = format_first_sentence(textures)
     assert ' of the trials of a new day are classified correctly (' in sentence
-    assert '<li>This model: texture_spectrum with ' in whole
+    assert '<li>Model: texture_spectrum with ' in whole
     order = [sentence, '<svg', '>Signals</h2>', '>Accuracy</h2>', '<table']
     places = [whole.index(text) for text in order]
     assert places == sorted(places)
     assert whole[: places[0]].count('<p') == 1
     assert all(part.count('</details>') == 1 for part in folded)
-    # Paper shows what no click can unfold.
+    # Sections outside <details> are always printed.
     shown = whole + page.split('</details>')[-1]
     assert 'details:not([open]) { display: none; }' in page.split('@media print')[1]
     assert shown.count('<caption>accuracy in %') == 2
@@ -171,7 +173,7 @@ def test_sentence_picture_signals_tables_come_in_this_order_and_the_rest_is_fold
     assert 'folds: 3' in shown
 
 
-def test_each_figure_has_the_numbers_of_its_message_as_text(page, textures):
+def test_each_figure_has_a_text_alternative_with_its_numbers(page, textures):
     labels = re.findall(r'<svg role="img" aria-label="([^"]+)"', page)
     assert len(labels) == page.count('<svg') == 8
     assert all(re.search(r'\d', label) for label in labels)
@@ -181,10 +183,10 @@ def test_each_figure_has_the_numbers_of_its_message_as_text(page, textures):
     assert re.search(r'coarse: [\d.]+, 5 Hz', signals)
 
 
-def test_texts_of_figures_can_be_read_on_a_phone(page):
+def test_texts_of_figures_are_legible_on_a_phone(page):
     widths = [float(each) for each in re.findall(r'viewBox="0 0 ([0-9.]+) ', page)]
     assert len(widths) == 8
-    # Font sizes of 8.5 points at a scale of 0.7 or more, in 390 px less the margins.
+    # Fonts have 8.5 points. At a width of 390 px without margins, the scale must be at least 0.7.
     assert max(widths) * 96 / 72 <= 350 / 0.7
 
 
@@ -203,7 +205,7 @@ def test_texts_of_figures_can_be_read_on_a_phone(page):
         ((), 0.5, '(72 trials; 95 % interval '),
     ],
 )
-def test_first_sentence_has_trials_interval_chance_and_what_was_held_out(
+def test_first_sentence_states_trials_interval_chance_and_held_out_groups(
     easy_holds, columns, mean, sentence
 ):
     choice = easy_holds.recordings.choice.choice
@@ -214,7 +216,7 @@ def test_first_sentence_has_trials_interval_chance_and_what_was_held_out(
     assert sentence in format_first_sentence(result)
 
 
-def test_the_headline_is_that_of_the_choice_or_of_the_stated_trials(easy_holds):
+def test_the_headline_is_the_accuracy_of_the_choice_or_of_selected_test_trials(easy_holds):
     nested = easy_holds.recordings.choice.choice.nested
     assert easy_holds.headline is nested
     assert format_accuracy(easy_holds).startswith('accuracy of this selection procedure')
@@ -226,26 +228,26 @@ def test_the_headline_is_that_of_the_choice_or_of_the_stated_trials(easy_holds):
     assert ' of the stated test trials are classified correctly (' in format_first_sentence(result)
 
 
-def test_the_line_of_accuracy_counts_refused_trials_and_names_baselines(easy_holds):
+def test_format_accuracy_counts_trials_without_features_and_states_baselines(easy_holds):
     nested = easy_holds.recordings.choice.choice.nested
     assert easy_holds.end_to_end == nested.mean
-    assert 'refused' not in format_accuracy(easy_holds)
+    assert 'without features' not in format_accuracy(easy_holds)
     table = dataclasses.replace(easy_holds.recordings.table, refused=8)
     result = dataclasses.replace(
         easy_holds, recordings=dataclasses.replace(easy_holds.recordings, table=table)
     )
     assert result.end_to_end == pytest.approx(nested.mean * 72 / 80)
     line = format_accuracy(result)
-    assert f'with 8 refused trials counted as wrong {100 * result.end_to_end:.1f} %' in line
+    assert f'the 8 trials without features count as wrong: {100 * result.end_to_end:.1f} %' in line
     assert f'balanced accuracy {100 * nested.balanced_accuracy:.1f} %' in line
     permuted = easy_holds.permuted
     assert (permuted.split, permuted.classifier) == (nested.split, nested.classifier)
-    assert f'on permuted labels {100 * permuted.mean:.1f} %' in line
+    assert f'permuted labels: {100 * permuted.mean:.1f} % on average' in line
     stated = result.to_dict()
     assert (stated['refused'], stated['end_to_end']) == (8, result.end_to_end)
 
 
-def test_the_learning_curve_and_the_calibration_are_in_words_tables_and_figures(textures, page):
+def test_learning_curve_and_calibration_are_in_text_tables_and_figures(textures, page):
     curve, reliability = textures.curve, textures.reliability
     assert [point.groups for point in curve.points] == [1, 2]
     said = format_learning_curve(textures)
@@ -261,11 +263,11 @@ def test_the_learning_curve_and_the_calibration_are_in_words_tables_and_figures(
     assert stated['reliability']['error'] == reliability.error
 
 
-def test_without_groups_there_is_no_learning_curve_and_it_is_said(easy_holds):
+def test_without_groups_the_report_states_why_there_is_no_learning_curve(easy_holds):
     assert easy_holds.curve is None
-    assert format_learning_curve(easy_holds) == ''
-    assert any('learning curve: there are no sessions' in each for each in easy_holds.not_done)
-    # Random folds have a calibration, too.
+    assert format_learning_curve(easy_holds) is None
+    assert any('learning curve' in each and 'no sessions' in each for each in easy_holds.not_done)
+    # The calibration is also evaluated in random folds.
     assert easy_holds.reliability.trials == 72
 
 
@@ -318,7 +320,7 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
     assert all(table.startswith('SIMULATED. ') for table in tables)
     assert 'seed 7' in page
     json.dumps(result.to_dict(), allow_nan=False)
-    # The examples are the very windows of the features.
+    # The examples are the windows from which the features were computed.
     found = result.recordings
     assert len(found.examples) == 5
     for example in found.examples:
@@ -358,17 +360,16 @@ def test_page_shows_warnings_and_what_the_trials_do_not_allow(easy_holds):
     assert 'the paper' not in page
 
 
-def test_one_feature_is_evaluated_and_says_what_cannot_be_done():
+def test_table_with_one_feature_is_evaluated_and_states_omitted_analyses():
     table = select_features(make_easy_holds().table, 'slope')
     result = run(RecordingSet('one', '', False, table, (), 'N'), folds=2)
     assert result.selections == ()
-    assert result.not_done == (
-        'learning curve: there are no sessions or other groups to hold out',
-        'feature selection: there is one feature only',
-    )
+    curve, selection = result.not_done
+    assert curve.startswith('learning curve: ')
+    assert selection.startswith('feature selection: ')
 
 
-def test_figures_take_the_colour_of_the_page_and_have_no_names_twice():
+def test_figures_use_the_text_colour_of_the_page_and_unique_ids():
     def draw(figure):
         figure.subplots().plot([1, 2])
 
@@ -381,7 +382,7 @@ def test_figures_take_the_colour_of_the_page_and_have_no_names_twice():
     assert svg.startswith('<svg role="img" aria-label="up to &quot;2&quot;" ')
 
 
-def test_report_goes_to_a_file_or_into_a_folder(tmp_path):
+def test_report_is_written_to_a_file_or_into_a_folder(tmp_path):
     assert report_path(tmp_path / 'a.html') == tmp_path / 'a.html'
     assert report_path(tmp_path / 'new' / 'folder') == tmp_path / 'new' / 'folder' / 'report.html'
     assert list((tmp_path / 'new' / 'folder').iterdir()) == []
@@ -398,7 +399,7 @@ def test_report_goes_to_a_file_or_into_a_folder(tmp_path):
         ('', 'amplitude (unit unknown)', r'coarse: 0\.7\d*, 5 Hz'),
     ],
 )
-def test_figures_have_the_unit_of_the_recordings_or_say_that_it_is_not_known(
+def test_figures_state_the_unit_of_the_recordings_or_that_it_is_unknown(
     textures, unit, axis, size
 ):
     recordings = dataclasses.replace(textures.recordings, unit=unit)
@@ -408,7 +409,7 @@ def test_figures_have_the_unit_of_the_recordings_or_say_that_it_is_not_known(
     assert re.search(size, drawing.svg)
 
 
-def test_components_are_known_by_the_names_of_the_features():
+def test_components_are_found_by_the_names_of_the_features():
     spec = spec_for('texture', FeatureConfig())
     components = find_components(spec)
     np.testing.assert_allclose(components.frequency, np.arange(1, 91) / 3, atol=1e-3)
@@ -420,10 +421,10 @@ def test_components_are_known_by_the_names_of_the_features():
     assert find_components(spec_for('stiffness', FeatureConfig())) is None
 
 
-def test_the_report_states_what_the_rank_sums_tested(easy_holds):
+def test_report_states_which_values_the_rank_sum_tests_compare(easy_holds):
     said = format_tested_values(easy_holds)
-    assert said.startswith('72 trials as independent samples (their mountings are not stated')
-    assert format_least_p(easy_holds) == ''
+    assert said.startswith('72 trials as independent samples. The mountings are not stated')
+    assert format_least_p(easy_holds) is None
     table = make_easy_holds().table
     session, mounting = np.arange(72) % 2, np.arange(72) % 4
     columns = {'session_id': session.astype(str), 'mounting_id': mounting.astype(str)}
@@ -435,18 +436,18 @@ def test_the_report_states_what_the_rank_sums_tested(easy_holds):
     said = format_tested_values(result)
     assert said.startswith('means of 12 mountings (4 of each label; 72 trials)')
     assert said.endswith('compared within 2 sessions (van Elteren)')
-    # Two mountings of each label in a session: the test cannot find a difference.
+    # With two mountings of each label in a session, the test cannot find a difference.
     assert result.significance.least_p > 0.05
     page = build_page([result], [], {})
     assert format_least_p(result) in page
-    assert 'Every pair differs' not in page
-    # The effect is seen nevertheless: the slope separates all trials.
+    assert 'Every pair of objects differs' not in page
+    # The AUC nevertheless shows that the slope separates all trials.
     assert result.to_dict()['rank_sum']['auc'][0][0][1] == 0.0
     json.dumps(result.to_dict(), allow_nan=False)
 
 
 @pytest.mark.parametrize('missing', ['mounting_id', 'names'])
-def test_without_stated_mountings_each_label_counts_as_mounted_once_a_session(missing):
+def test_without_stated_mountings_one_mounting_per_label_and_session_is_assumed(missing):
     recordings = make_easy_holds()
     columns = {'session_id': (np.arange(72) % 6).astype(str)}
     if missing == 'names':
@@ -454,7 +455,7 @@ def test_without_stated_mountings_each_label_counts_as_mounted_once_a_session(mi
     table = dataclasses.replace(recordings.table, columns=columns)
     result = run(dataclasses.replace(recordings, table=table), folds=2)
     assert result.significance.counts == (6, 6, 6)
-    assert 'mounted once a session' in format_tested_values(result)
+    assert 'one mounting per session' in format_tested_values(result)
 
 
 def make_grouped(**columns):
@@ -473,21 +474,22 @@ def make_grouped(**columns):
         ({'Day': 3}, [('Day',)]),
         ({'session_id': 1, 'trial_block': 4}, [('trial_block',)]),
         ({'session_id': 3, 'mounting': 6}, [('session_id',), ('mounting_id',)]),
-        ({'mounting_id': 72}, []),  # each trial has its own: random folds hold it out
+        # Each trial has a separate mounting, so random folds hold out mountings.
+        ({'mounting_id': 72}, []),
     ],
 )
-def test_sessions_and_mountings_are_held_out_without_being_asked_for(columns, held_out):
+def test_sessions_and_mountings_are_held_out_by_default(columns, held_out):
     found, not_done = usual_splits(make_grouped(**columns))
     assert found == held_out
     assert len(not_done) == (columns.get('session_id') == 1)
 
 
-def test_report_and_answers_open_each_bag_once(stiffness_bag, opened):
+def test_report_with_unknown_objects_opens_each_bag_once(stiffness_bag, opened):
     with open_trials([stiffness_bag]) as trials:
         chosen = choose_automatically(
             trials, FeatureOptions(), 2, 0, lambda _: None, any_set=False
         )
-        sets = make_sets(trials, FeatureOptions(), chosen, report=True, answers=True)
+        sets = make_sets(trials, FeatureOptions(), chosen, report=True, unknown_objects=True)
         (source,) = describe_sources([stiffness_bag], trials)
     assert len(opened) == 1
     assert sets[0].examples

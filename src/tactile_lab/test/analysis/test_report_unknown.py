@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report's answers besides a label follow from the trials."""
+"""Unknown objects and significance in the report."""
 
 import dataclasses
 import json
@@ -12,15 +12,15 @@ import pytest
 from tactile_analysis.datasets.automatic_features import choose_automatically
 from tactile_analysis.datasets.feature_options import FeatureOptions, select_features
 from tactile_analysis.datasets.feature_tables import open_trials, read_tables
-from tactile_analysis.report import answers as answers_module
-from tactile_analysis.report.analysis import analyse
-from tactile_analysis.report.answers import answer
+from tactile_analysis.report import analysis
+from tactile_analysis.report.analysis import analyse, evaluate_unknown_objects
 from tactile_analysis.report.build import build_page
 from tactile_analysis.report.recordings import make_sets
 from tactile_analysis.report.significance import find_components, format_alike_pairs
-from tactile_analysis.report.summary import answer_rows
+from tactile_analysis.report.summary import unknown_rows
 from tactile_classifier.confidence import fit_calibration
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
@@ -28,7 +28,10 @@ from tactile_ros.errors import TactileError
 
 
 def make_holds(gap, each=15):
-    """Four objects in three sessions; the first two differ by ``gap`` times their scatter."""
+    """Return a table of four objects in three sessions.
+
+    The means of the first two objects differ by ``gap`` standard deviations.
+    """
     generator = np.random.default_rng(5)
     centres = np.array([0.0, gap, 100.0, 200.0])
     code = np.repeat(np.arange(4), each)
@@ -42,48 +45,50 @@ def make_holds(gap, each=15):
 
 
 @pytest.fixture(scope='module')
-def answered(simulate_bag):
-    """Return the results of simulated textures, and the page made of them."""
+def evaluated(simulate_bag):
+    """Return the results of simulated texture trials, and their report."""
     with open_trials([simulate_bag('texture', 'flexion', 4, seed=11)]) as trials:
         chosen = choose_automatically(
             trials, FeatureOptions(), 2, 0, lambda _: None, any_set=False
         )
-        sets = make_sets(trials, FeatureOptions(), chosen, answers=True)
+        sets = make_sets(trials, FeatureOptions(), chosen, unknown_objects=True)
     options = {'folds': 2, 'repetitions': 1, 'details': False}
     with pytest.MonkeyPatch.context() as patch:
-        # Two folds, and a rate that the half of the trials can bound.
+        # Two folds have few calibration trials, which require a larger rate of false rejection.
         patch.setattr(fit_calibration, 'MAX_FOLDS', 2)
-        patch.setattr(answers_module, 'FALSE_ALARM_RATE', 0.1)
+        patch.setattr(analysis, 'FALSE_ALARM_RATE', 0.1)
         results = analyse(sets, **options, random_state=0, jobs=1)
     return results, build_page(results, [], {})
 
 
-def test_unknown_twin_is_missed_and_a_far_label_is_not():
+def test_unknown_object_is_missed_if_it_resembles_a_known_one():
     table = make_holds(gap=0.0)
-    answers = answer(table, ['session_id'])
-    alone = evaluate_open_set(table, 'knn', hold_out=('session_id',), false_alarm_rate=0.05)
-    assert answers.open_set == alone
-    rows = dict(answer_rows(answers))
-    assert rows['AUROC'] == f'{100 * alone.auroc:.1f} %'
-    assert rows['unknown labels missed'] == f'{100 * alone.miss_rate:.1f} %'
-    miss = {unknown.label: unknown.miss_rate for unknown in answers.open_set.unknown}
+    found = evaluate_unknown_objects(table, ['session_id'])
+    expected = evaluate_open_set(table, 'knn', hold_out=('session_id',), false_alarm_rate=0.05)
+    assert found == expected
+    rows = dict(unknown_rows(found))
+    assert rows['AUROC'] == f'{100 * expected.auroc:.1f} %'
+    assert rows['unknown objects missed'] == f'{100 * expected.miss_rate:.1f} %'
+    miss = {unknown.label: unknown.miss_rate for unknown in found.unknown}
     assert miss['twin'] > 0.7
     assert miss['far'] == 0.0
-    assert answers.open_set.split == 'one session held out'
+    assert found.split == 'one session held out'
 
 
-def test_what_cannot_be_done_says_why_and_the_rest_is_done():
+def test_unknown_objects_are_evaluated_in_random_folds_without_groups():
+    found = evaluate_unknown_objects(make_holds(gap=50.0), ())
+    assert found.split == 'stratified 6-fold over trials'
+    assert max(unknown.miss_rate for unknown in found.unknown) == 0.0
+
+
+def test_unknown_objects_need_more_than_two_labels():
     holds = make_holds(gap=50.0)
-    answers = answer(holds, ())
-    assert answers.open_set.split == 'stratified 6-fold over trials'
-    assert max(unknown.miss_rate for unknown in answers.open_set.unknown) == 0.0
-    assert answers.not_done == ()
-    two = answer(holds.take(np.isin(holds.labels, ['far', 'twin'])), ['session_id'])
-    assert two.open_set is None
-    assert two.not_done[0].startswith('unknown objects: there are 2 labels')
+    two = holds.take(np.isin(holds.labels, ['far', 'twin']))
+    with pytest.raises(EvaluationError, match='2 labels'):
+        evaluate_unknown_objects(two, ['session_id'])
 
 
-def test_chosen_features_have_whole_names(texture_bag):
+def test_features_are_selected_by_whole_names(texture_bag):
     (table,) = read_tables([texture_bag]).values()
     names = ('one__size', 'other__size', *table.spec.names[2:])
     twins = dataclasses.replace(table, spec=dataclasses.replace(table.spec, names=names))
@@ -92,32 +97,33 @@ def test_chosen_features_have_whole_names(texture_bag):
         select_features(twins, 'size')
 
 
-def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
-    (result,), page = answered
-    assert result.answers.not_done == ()
+def test_unknown_objects_are_in_page_and_json_marked_as_simulated(evaluated):
+    (result,), page = evaluated
+    assert not any(line.startswith('unknown objects') for line in result.not_done)
     assert '<summary>Unknown objects</summary>' in page
     captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
     ours = [c for c in captions if '3 nearest neighbours, not scaled, ' in c]
     assert len(ours) == 2
     assert all(c.startswith('SIMULATED. ') for c in captions)
-    assert all(result.answers.open_set.split in c for c in ours)
+    assert all(result.open_set.split in c for c in ours)
     figures = [part.split('</figure>')[0] for part in page.split('<figure>')[1:]]
     (figure,) = (figure for figure in figures if 'left out of the training' in figure)
     assert '<figcaption>SIMULATED. ' in figure
     assert '>SIMULATED</text>' in figure
     document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
-    assert document['answers']['open_set']['split'] == result.answers.open_set.split
+    assert document['unknown_objects']['split'] == result.open_set.split
 
 
-def test_mean_p_is_explained_by_counting_pairs(answered):
-    (result,), page = answered
+def test_similar_pairs_are_counted_to_explain_the_mean_p(evaluated):
+    (result,), page = evaluated
     components = find_components(result.recordings.table.spec)
     p = result.significance.p[components.columns]
     over = np.array([[p[k, i, j] > 0.05 for i in range(8) for j in range(i)] for k in range(90)])
     sentence = format_alike_pairs(result, components)
-    assert f'of the 28 pairs of classes, {np.median(over.sum(axis=1)):g} have p over' in sentence
+    assert 'there are 28 pairs' in sentence
+    assert f'{np.median(over.sum(axis=1)):g} of them have p above 0.05' in sentence
     assert f'{int((over.sum(axis=1) < 14).sum())} of 90 components' in sentence
     few = sum(p[:, i, j].min() <= 0.05 / 90 for i in range(8) for j in range(i))
-    assert f'. {few} pairs differ in some component at 0.05 over' in sentence
-    assert f'over 0.05 in {over.sum(axis=0).max()} components' in sentence
+    assert f'. {few} pairs differ in at least one component' in sentence
+    assert f'above 0.05 in {over.sum(axis=0).max()} components' in sentence
     assert 'depends on the pairs of labels that are averaged' in page

@@ -50,10 +50,10 @@ def read_blocks(bag_path):
 
 
 class FakeSimulator:
-    """Replaces the physics by an increasing tension and the faults of a test."""
+    """Replaces the physics by an increasing tension, and by failures that a test sets."""
 
     def __init__(self):
-        self.failures = {}  # (label, number) to when the solver gives up
+        self.failures = {}  # label and number of a trial: time at which the simulation fails [s]
         self.finished = 0
 
     def simulate(self, protocol, label, contact, timeline, count, seed, *, first, **more):
@@ -76,13 +76,13 @@ def simulator(monkeypatch):
 
 
 def run_simulate(folder, *options, task='stiffness'):
-    """Run the command on two trials of each label in one session."""
+    """Run `tactile simulate` for two trials of each label in one session."""
     usual = {'--contact': 'flexion', '--trials': 2, '--sessions': 1, '--seed': 7, '--jobs': 1}
     stated = {k: v for k, v in usual.items() if k not in options}
     return tactile('simulate', task, '-o', folder, *sum(stated.items(), ()), *options)
 
 
-def test_samples_follow_without_gap_and_events_are_in_order_and_marked(stiffness_bag):
+def test_samples_have_no_gaps_and_events_are_ordered_and_marked_as_simulated(stiffness_bag):
     blocks = read_blocks(stiffness_bag)
     expected = 0
     for block in blocks:
@@ -100,7 +100,7 @@ def test_samples_follow_without_gap_and_events_are_in_order_and_marked(stiffness
         assert release.stamp_ns - hold.stamp_ns == 4_000_000_000
 
 
-def test_bytes_depend_on_the_seed_and_not_on_processes(stiffness_bag, tmp_path):
+def test_bytes_depend_on_the_seed_and_not_on_the_number_of_processes(stiffness_bag, tmp_path):
     plan = SimulationPlan('stiffness', 'flexion', 3, 7)
     again, parallel = (write(tmp_path / str(jobs), plan, jobs=jobs).path for jobs in (1, 2))
     other = write(tmp_path, dataclasses.replace(plan, seed=8)).path
@@ -109,7 +109,7 @@ def test_bytes_depend_on_the_seed_and_not_on_processes(stiffness_bag, tmp_path):
     assert (parallel / 'metadata.yaml').read_bytes() == metadata
 
 
-def test_trials_come_by_session_then_number_then_label_however_they_are_cut(
+def test_order_of_trials_is_session_number_label_for_any_chunk_size(
     simulator, tmp_path, monkeypatch
 ):
     plan = SimulationPlan('stiffness', 'flexion', 5, 7, sessions=2)
@@ -132,7 +132,7 @@ def test_trials_come_by_session_then_number_then_label_however_they_are_cut(
     assert len({events[0].mounting_id for events in trials.values()}) == 50
 
 
-def test_no_more_than_a_round_of_trials_waits_to_be_written(simulator, tmp_path, monkeypatch):
+def test_number_of_trials_that_wait_to_be_written_is_limited(simulator, tmp_path, monkeypatch):
     monkeypatch.setattr(simulated_bags, 'CHUNK_TRIALS', 2)
     monkeypatch.setattr(simulated_bags, 'ROUND_TRIALS', 20)
     written, waiting = 0, []
@@ -150,7 +150,9 @@ def test_no_more_than_a_round_of_trials_waits_to_be_written(simulator, tmp_path,
     assert max(waiting) <= 20
 
 
-def test_trial_without_equilibrium_is_aborted_and_its_rest_left_out(simulator, tmp_path):
+def test_trial_without_equilibrium_is_aborted_and_its_remaining_samples_are_omitted(
+    simulator, tmp_path
+):
     simulator.failures = {('sponge', 1): 2.0, ('pla', 0): 0.1}
     bag = write(tmp_path, SimulationPlan('stiffness', 'flexion', 2, 7))
     pla, sponge = 'stiffness_flexion-7-0-pla-0000', 'stiffness_flexion-7-0-sponge-0001'
@@ -161,14 +163,14 @@ def test_trial_without_equilibrium_is_aborted_and_its_rest_left_out(simulator, t
     assert trials[sponge][-1].message == 'the simulation found no equilibrium at 2.000 s'
     blocks = read_blocks(bag.path)
     last = max(i for i, b in enumerate(blocks) if b.stamp_ns < trials[sponge][-1].stamp_ns)
-    # The fake tension is the time of its sample.
+    # The tension of the fake simulator is the time of the sample.
     assert 1.95 < blocks[last].tension_n[-1] < 2.0
     gap = blocks[last + 1].sequence - blocks[last].sequence - len(blocks[last].tension_n)
     assert blocks[last + 1].lost_before == gap > 0
     assert sum(block.lost_before > 0 for block in blocks) == 2
 
 
-def test_trial_aborted_in_or_after_its_hold_gives_no_features(simulator, tmp_path):
+def test_trial_aborted_in_or_after_its_hold_has_no_features(simulator, tmp_path):
     simulator.failures = {('sponge', 1): 2.0, ('pla', 0): 5.2}
     bag = write(tmp_path, SimulationPlan('stiffness', 'flexion', 2, 7))
     events = read_events(bag.path)
@@ -182,7 +184,7 @@ def test_trial_aborted_in_or_after_its_hold_gives_no_features(simulator, tmp_pat
         assert 'no equilibrium at' in sentence
 
 
-def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_path):
+def test_simulate_lists_aborted_trials_and_exits_with_3(simulator, tmp_path):
     simulator.failures = {('sponge', 1): 2.0}
     both = ('--contact', 'flexion', '--contact', 'abduction')
     told = run_simulate(tmp_path, *both, '--json')
@@ -193,7 +195,7 @@ def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_pa
     assert bags[1]['aborted'] == {'stiffness_abduction-7-0-sponge-0001': 2.0}
 
 
-def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(simulator, tmp_path):
+def test_as_published_has_one_mounting_per_object_and_crossed_one_per_trial(simulator, tmp_path):
     def simulate_design(design):
         folder = tmp_path / design
         assert run_simulate(folder, '--trials', 3, '--design', design).returncode == 0
@@ -236,7 +238,7 @@ def test_by_default_sixty_trials_come_from_six_sessions(
         (('-o', 'taken'), 'exists already'),
     ],
 )
-def test_the_command_refuses_with_a_sentence(simulator, tmp_path, options, sentence):
+def test_simulate_refuses_invalid_options_with_a_sentence(simulator, tmp_path, options, sentence):
     folder = tmp_path / ('taken' if '-o' in options else 'free')
     (tmp_path / 'taken' / 'stiffness_flexion').mkdir(parents=True)
     told = run_simulate(folder, *(() if '-o' in options else options))
@@ -245,7 +247,7 @@ def test_the_command_refuses_with_a_sentence(simulator, tmp_path, options, sente
     assert simulator.finished == 0
 
 
-def test_unfinished_bag_is_removed_and_an_existing_one_kept(simulator, tmp_path, stiffness_bag):
+def test_unfinished_bag_is_removed_and_an_existing_bag_is_kept(simulator, tmp_path, stiffness_bag):
     def interrupt(_):
         raise KeyboardInterrupt
 
@@ -266,7 +268,7 @@ def test_plan_keeps_the_glide_speed():
     assert glide_s == pytest.approx(CONFIG.glide_length_m / CONFIG.glide_speed_m_s + ramps_s)
 
 
-def test_one_seed_makes_other_trials_for_each_contact_session_and_label(tmp_path):
+def test_trials_differ_between_contacts_sessions_and_labels_for_one_seed(tmp_path):
     bags = [
         write(tmp_path, SimulationPlan('stiffness', contact, 1, 1, sessions=2)).path
         for contact in ('flexion', 'abduction')

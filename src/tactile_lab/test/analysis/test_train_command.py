@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile train` on a small simulated recording of texture."""
+"""`tactile train` on a small bag of simulated texture trials."""
 
 import dataclasses
 
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.usefixtures('few_convolutions')
 
 
 def train_on(bag, folder, window_s=None, **training):
-    """Train on a bag as the command does; return the models."""
+    """Train on a bag as `tactile train` does; return the models."""
     given = {'folds': 2, 'repetitions': 1, 'output': Output(as_json=True), **training}
     feature_options = FeatureOptions(window_s=window_s)
     with open_trials([bag], feature_options) as trials:
@@ -40,7 +40,7 @@ def train_on(bag, folder, window_s=None, **training):
         return train_models(trials, feature_options, tables, folder=folder, **given)
 
 
-def test_options_that_do_not_fit_are_refused(texture_bag, tmp_path):
+def test_contradictory_training_options_are_refused(texture_bag, tmp_path):
     for text in ('1;2', '', '0', '-1', 'inf', '1,1', 'full,full'):
         with pytest.raises(TactileError, match=f'--window is "{text}"'):
             parse_lengths(text)
@@ -56,7 +56,9 @@ def test_options_that_do_not_fit_are_refused(texture_bag, tmp_path):
         read_tables([texture_bag], options=spatial)
 
 
-def test_each_length_has_a_model_file_and_none_is_replaced_unasked(texture_bag, tmp_path):
+def test_each_window_length_has_a_model_file_that_is_only_replaced_on_request(
+    texture_bag, tmp_path
+):
     command = ('train', texture_bag, '-o', tmp_path, '--window', '0.5,1.5,full')
     quick = ('--folds', 2, '--repetitions', 1, '--classifier', 'knn', '--false-alarms', 0.1)
     said = hear_tactile(*command, *quick)
@@ -67,16 +69,16 @@ def test_each_length_has_a_model_file_and_none_is_replaced_unasked(texture_bag, 
     assert len({spec.digest for spec in specs}) == 3
     assert all(model.manifest.false_alarm_rate == 0.1 for model in models)
     assert 'for 10 % false rejection' in ' '.join(describe_answers(models[1].manifest))
-    lengths = said[said.index('accuracy by length') :].split('texture, flexion ')[1:4]
+    lengths = said[said.index('accuracy by window length') :].split('texture, flexion ')[1:4]
     assert [each.split()[0] for each in lengths] == ['0.5', '1.5', '3'], said
     assert all('one session held out' in each for each in lengths)
     assert (tmp_path / 'accuracy_by_length.png').stat().st_size > 1000
     before = [path.read_bytes() for path in sorted(tmp_path.glob('*.npz'))]
-    assert 'would be replaced' in hear_tactile(*command, *quick, code=2)
+    assert 'already exists' in hear_tactile(*command, *quick, code=2)
     assert [path.read_bytes() for path in sorted(tmp_path.glob('*.npz'))] == before
 
 
-def test_a_model_that_exists_is_refused_before_features_are_computed(
+def test_existing_model_file_is_refused_before_features_are_computed(
     texture_bag, tmp_path, monkeypatch
 ):
     (tmp_path / 'texture_flexion_1s.npz').touch()
@@ -88,10 +90,10 @@ def test_a_model_that_exists_is_refused_before_features_are_computed(
     assert not computed
 
 
-def test_accuracy_by_length_is_that_of_the_held_out_sessions(texture_bag, tmp_path):
+def test_accuracy_by_window_length_is_measured_on_held_out_sessions(texture_bag, tmp_path):
     options = ('--window', '0.2,full', '--folds', 2, '--repetitions', 1)
     said = hear_tactile('train', texture_bag, '-o', tmp_path, *options)
-    lengths = said[said.index('accuracy by length') :].split('texture, flexion ')[1:3]
+    lengths = said[said.index('accuracy by window length') :].split('texture, flexion ')[1:3]
     for name, line in zip(('texture_flexion_0.2s', 'texture_flexion'), lengths, strict=True):
         stated = load_model(tmp_path / f'{name}.npz').manifest.cross_validation
         assert line.split()[1] == f'{100 * stated["mean"]:.1f}', said
@@ -99,14 +101,14 @@ def test_accuracy_by_length_is_that_of_the_held_out_sessions(texture_bag, tmp_pa
         assert stated['split'] in line
 
 
-def test_glides_that_are_shorter_than_the_early_window_give_no_trial(texture_bag):
+def test_glides_shorter_than_the_early_window_are_excluded(texture_bag):
     (table,) = read_tables([texture_bag], options=FeatureOptions(window_s=3.6)).values()
     assert len(table) == 32
     with pytest.raises(BagError, match=r'the glide ended after .*, inside the window'):
         read_tables([texture_bag], options=FeatureOptions(window_s=3.7))
 
 
-def test_a_trial_whose_early_window_is_refused_later_is_left_out(texture_bag, monkeypatch):
+def test_trial_whose_early_window_is_refused_later_is_excluded(texture_bag, monkeypatch):
     refused = []
 
     def replay_and_refuse_one(*arguments, **options):
@@ -148,7 +150,7 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
         changed = dataclasses.replace(config, spectrum_detrend=other)
         with pytest.raises(ModelFileError, match='spectrum_detrend'):
             model.check_fits(spec_for('texture', changed))
-    # Tables of full and early windows are what the live extractor gives.
+    # The tables of full and early windows equal the features of the live extractor.
     tables = {}
     for spec, window_s in zip(both, (None, 0.5), strict=True):
         feature_options = FeatureOptions(detrend=detrend, window_s=window_s)
@@ -162,9 +164,12 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
 
 
 def test_three_seconds_at_1_khz_train_by_default(tmp_path, few_convolutions):
-    """More than ten seconds: every candidate is fitted to windows of 3,000 samples."""
+    """Train with default options on windows of 3 s at 1 kHz.
+
+    This takes more than ten seconds, because every candidate is fitted.
+    """
     few_convolutions.undo()
-    # Steps upwards or downwards: the shape says which, and the spectrum does not.
+    # Labels are upward and downward steps, which differ in shape but not in their spectrum.
     rng = np.random.default_rng(5)
     rows = 3.0 + 0.2 * rng.normal(size=(10, 3_000))
     labels = np.repeat(['down', 'up'], 5)
@@ -189,7 +194,7 @@ def test_three_seconds_at_1_khz_train_by_default(tmp_path, few_convolutions):
     assert len(spec_for('texture', config).names) == 600
 
 
-def test_what_would_give_too_large_a_file_is_refused_before_the_folds(tmp_path, few_convolutions):
+def test_too_large_model_file_is_refused_before_cross_validation(tmp_path, few_convolutions):
     few_convolutions.undo()
     rows = np.random.default_rng(1).normal(size=(12, 4, 600))
     labels = ['down', 'up'] * 6
@@ -202,7 +207,7 @@ def test_what_would_give_too_large_a_file_is_refused_before_the_folds(tmp_path, 
 
 
 def save_tones(path, each, samples):
-    """Save trials of three labels, ``each`` of these, as sines of different frequencies."""
+    """Save ``each`` trials of each of three labels: sines of different frequencies."""
     rng = np.random.default_rng(2)
     label = np.repeat(['a', 'b', 'c'], each)
     phase = 2 * np.pi * np.arange(samples) / 8
@@ -213,7 +218,7 @@ def save_tones(path, each, samples):
 
 
 @pytest.mark.parametrize('each', [2, 3, 4])
-def test_few_trials_train_with_the_folds_that_they_allow(tmp_path, each):
+def test_few_trials_are_trained_with_as_many_folds_as_possible(tmp_path, each):
     archive = save_tones(tmp_path / 'few.npz', each, 16)
     options = ('--task', 'texture', '--repetitions', 1)
     said = hear_tactile('train', archive, '-o', tmp_path / 'models', *options)
@@ -226,7 +231,7 @@ def test_few_trials_train_with_the_folds_that_they_allow(tmp_path, each):
     assert sum(a.label == b for a, b in zip(answers, trials['label'], strict=True)) > each
 
 
-def test_a_candidate_that_cannot_be_fitted_is_left_out_with_one_line(tmp_path):
+def test_candidate_that_cannot_be_fitted_is_omitted_with_one_line(tmp_path):
     archive = save_tones(tmp_path / 'short.npz', 6, 8)  # convolutions need 9 samples
     options = ('--task', 'texture', '--repetitions', 1)
     said = hear_tactile('train', archive, '-o', tmp_path / 'models', *options)
@@ -234,8 +239,8 @@ def test_a_candidate_that_cannot_be_fitted_is_left_out_with_one_line(tmp_path):
     assert (tmp_path / 'models' / 'texture.npz').is_file()
 
 
-def test_the_file_is_the_one_of_the_classifier_in_python(tmp_path):
-    """The automatic choice of the command and of `TactileClassifier`, for the same windows."""
+def test_train_writes_the_same_model_as_tactile_classifier_in_python(tmp_path):
+    """Compare the automatic choices of command and `TactileClassifier` for the same windows."""
     rng = np.random.default_rng(1)
     labels, sessions = np.repeat(['coarse', 'fine'], 15), np.tile(['s1', 's2', 's3'], 10)
     pitch_hz = np.where(labels == 'coarse', 4.0, 9.0)[:, np.newaxis]
