@@ -34,16 +34,17 @@ class SourceOptions:
     time_column: Annotated[str, 'Column of the times. Default: t, time, timestamp or stamp.'] = ''
     trial_column: Annotated[
         str,
-        'Column with the trial of each row. Default: trial or trial_id. If there is no such '
-        'column, a file is one trial.',
+        'Column that contains the trial of each row. Default: trial or trial_id. If there is '
+        'no such column, each file is one trial.',
     ] = ''
     label_column: Annotated[
         str, 'Column of the labels. Default: label, object or object_label.'
     ] = ''
     time_unit: Annotated[
         str,
-        'Unit of the times if their heading does not state it: s, ms, us, ns or min; iso for '
-        'texts such as 2026-11-28 12:00:00.5, day-first for 28.11.2026 12:00:00.5.',
+        'Unit of the times if the name of their column does not contain it: s, ms, us, ns or '
+        'min; iso for texts such as 2026-11-28 12:00:00.5, day-first for 28.11.2026 '
+        '12:00:00.5.',
     ] = ''
     rate_hz: Annotated[
         Optional[float],
@@ -52,14 +53,15 @@ class SourceOptions:
     ] = None
     unit: Annotated[
         str,
-        'Unit of the force if no heading states it, as in --unit mN. Forces are converted to N.',
+        'Unit of the force if the name of its column does not contain it, as in --unit mN. '
+        'Forces are converted to N.',
     ] = ''
-    label: Annotated[str, 'The label of all these trials.'] = ''
+    label: Annotated[str, 'Label of all trials of these recordings.'] = ''
     label_from: Annotated[
         str,
-        'Source of the label of a file or bag: "folder", the name of its folder; "file", its name '
-        'without the number at the end; or a regular expression for its path with the label in '
-        'parentheses. Named groups become columns.',
+        'Where the label of a file or bag comes from: "folder" is the name of its folder; '
+        '"file" is its name without the number at the end; a regular expression matches its '
+        'path and has the label in parentheses. Named groups become columns.',
     ] = ''
     labels: Annotated[
         Optional[Path],
@@ -68,8 +70,8 @@ class SourceOptions:
     ] = None
     topic: Annotated[
         str,
-        'Topic in a bag that contains the force: WrenchStamped, Float64, Float32, JointState, or '
-        'our strain. Each bag is one trial.',
+        'Topic of a bag that contains the force. Its messages are WrenchStamped, Float64, '
+        'Float32, JointState, or our StrainBlock. Each bag is one trial.',
     ] = ''
     field: Annotated[
         str,
@@ -110,7 +112,7 @@ class SourceOptions:
 
 SKIP_BAD = (
     'Skip unusable trials of the archive, and list them. A trial is unusable if a value is not '
-    'finite, if it is too short, or if it has no features.'
+    'finite, if the trial is too short, or if it has no features.'
 )
 
 
@@ -125,8 +127,8 @@ class TrialOptions:
     ] = None
     where: Annotated[
         Optional[str],
-        'Use only trials for which a column of the archive is true (--where balanced) or has a '
-        'value (--where direction=1).',
+        'Use only trials for which a column of the archive is true (--where balanced), or has '
+        'this value (--where direction=1).',
     ] = None
     crop: Annotated[
         Optional[str],

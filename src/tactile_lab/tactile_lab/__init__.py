@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `tactile` command, and the modules that analysts import."""
+"""The `tactile` command."""

@@ -10,7 +10,7 @@ from tactile_ros.process import hold_signals, ignore_signals, share_one_heap
 
 def main() -> int:
     """Run the ``tactile`` command; return its exit code."""
-    # Set before NumPy is imported: matrices are small, and threads of OpenBLAS would only wait.
+    # Must be set before NumPy is imported. Our matrices are too small for several threads.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     share_one_heap()
     hold_signals()  # before the imports, so that no early signal is lost

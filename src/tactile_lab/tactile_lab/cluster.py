@@ -18,7 +18,7 @@ TIMEOUT_S = 15.0
 def on_cluster(address: str) -> Iterator[None]:
     """Send joblib's work to a cluster. If the address is empty, use this computer.
 
-    The results are the same, bit for bit, wherever a part is computed.
+    The results do not depend on the number and place of the workers.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def on_cluster(address: str) -> Iterator[None]:
         ) from error
     from joblib import __version__, parallel_config
 
-    # In older versions, the Dask backend returns all results at the end.
+    # In older versions, the Dask backend returns no result before the last one is finished.
     if tuple(map(int, __version__.split('.')[:2])) < (1, 4):
         raise TactileError(
             f'--cluster needs joblib 1.4 or later, and this is {__version__}: '

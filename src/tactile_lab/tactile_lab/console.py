@@ -3,10 +3,10 @@
 
 """Lines and tables on a terminal or in a pipe, without breaks inside values.
 
-In a pipe, each row is one line of any length with all values, so that `grep` finds names and paths
-in it. On a terminal, tables fold sentences between words and lists between values. A table that is
-still too wide is drawn without its spare columns, which are named below it. Lines of text are not
-folded here: the terminal wraps them.
+In a pipe, each row is one line of any length, so that `grep` finds names and paths. On a terminal,
+the cells of a table are folded: sentences between words, lists between values. If the table is
+still too wide, its spare columns are hidden, and their names are printed below it. Lines of text
+are not folded here, because the terminal wraps them.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Table:
             yield GAP.join(cells).rstrip()
 
     def fit(self, width: int) -> rich.table.Table:
-        """Return the table for rich, at most ``width`` wide unless a value needs more."""
+        """Return the table for rich, at most ``width`` columns wide unless a value is longer."""
         columns, kept = self._columns(), self.choose_columns(width)
         borders = _borders(len(kept))
         widths = _share(
@@ -113,7 +113,7 @@ class Table:
         return kept
 
     def _columns(self) -> list[tuple[list[str], ...]]:
-        """Return the cells by column, with the header line if there is one."""
+        """Return the cells of each column, with its name first if the table has a header."""
         header = [[plain_text(name)] for name in self.header]
         rows = [row for row, _ in self._rows]
         return list(zip(*([header] if header else []), *rows, strict=True))
@@ -127,7 +127,7 @@ def _borders(columns: int) -> int:
 
 
 def _least_width(column: Sequence[Sequence[str]]) -> int:
-    """Return the width of the longest part that is never broken."""
+    """Return the width of the longest part of a cell, because parts are never broken."""
     return max(cell_len(part) for cell in column for part in [*cell, ''])
 
 
@@ -143,7 +143,7 @@ def _split(cell: Cell) -> list[str]:
 
 
 def _fold(parts: Sequence[str], width: int) -> str:
-    """Return the parts in lines of at most ``width``, unless a part is longer."""
+    """Join the parts to lines of at most ``width`` characters, unless a part is longer."""
     lines: list[str] = []
     for part in parts:
         if lines and cell_len(lines[-1]) + 1 + cell_len(part) <= width:
@@ -154,7 +154,10 @@ def _fold(parts: Sequence[str], width: int) -> str:
 
 
 def _share(least: Sequence[int], wanted: Sequence[int], width: int) -> list[int]:
-    """Return the column widths: at least ``least``; the rest goes to the narrow columns first."""
+    """Return the widths of the columns, at least ``least``.
+
+    Remaining width is given to the narrowest columns first, up to their ``wanted`` width.
+    """
     widths = list(least)
     for _ in range(width - sum(least)):
         growing = [i for i, each in enumerate(widths) if each < wanted[i]]
@@ -186,7 +189,8 @@ class PlainConsole(Console):
             kept = table.choose_columns(self.width)
             if hidden := [name for i, name in enumerate(table.header) if i not in kept]:
                 self.say(
-                    f'for a wider terminal, or `| cat`: {", ".join(map(plain_text, hidden))}',
+                    f'hidden columns, shown on a wider terminal or with `| cat`: '
+                    f'{", ".join(map(plain_text, hidden))}',
                     style='dim',
                 )
         else:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forces that other nodes publish, for the commands that examine devices."""
+"""Forces that other nodes publish on topics, for `tactile devices` and `tactile check`."""
 
 from __future__ import annotations
 
@@ -26,14 +26,17 @@ _OWN = '/tendon_sensor/wrench'  # published by our own sensor node
 
 @contextmanager
 def sensors_on_topics(namespace: str = '') -> Iterator[MakeSensor]:
-    """Provide a function that creates the client of a topic, while its node runs."""
+    """Provide a function that creates the client of a sensor on a topic.
+
+    The node that receives the topic runs until the block ends.
+    """
     with listening_node(namespace) as node:
         yield lambda config, on_block, now_ns: TopicClient(node, config, on_block, now_ns)
 
 
 @contextmanager
 def listening_node(namespace: str = '') -> Iterator[PollingNode]:
-    """Provide a node that is spun, on the ROS domain of the environment."""
+    """Provide a node that is spun, on the ROS domain in the environment."""
     with ros_context() as context:
         node = PollingNode(
             'tactile_listener', TendonSensorConfig, context=context, namespace=namespace
@@ -43,9 +46,9 @@ def listening_node(namespace: str = '') -> Iterator[PollingNode]:
 
 
 def find_force_topics(listen_s: float) -> list[FoundDevice]:
-    """Return the topics that can contain a tension, with a description of their messages.
+    """Return the topics whose messages can contain a tension, with a description.
 
-    ``listen_s`` is the time to wait for messages [s].
+    ``listen_s`` is the time for which topics and messages are received [s].
     """
     heard: dict[str, list[Any]] = {}
     types: dict[str, str] = {}

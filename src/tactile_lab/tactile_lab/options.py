@@ -16,10 +16,11 @@ from tactile_analysis.options import SKIP_BAD, SourceOptions, TrialOptions
 
 
 def expand(command: Callable[..., None]) -> Callable[..., None]:
-    """Replace parameters whose default is a dataclass by one option per field.
+    """Return a command that has an option for each field of the dataclasses among its parameters.
 
-    The returned command has the options in place of each such parameter, and calls ``command``
-    with the dataclass.
+    A parameter of ``command`` is replaced in this way if its default is an instance of a
+    dataclass. The returned command makes the instance from the options and passes it to
+    ``command``.
     """
     groups: dict[str, Any] = {}
     shown = []
@@ -63,15 +64,15 @@ def _to_option(group: type, field: dataclasses.Field[Any]) -> Any:
 
 
 def split(text: Optional[str]) -> tuple[str, ...]:
-    """Return the parts of an option between its commas, without empty ones."""
+    """Split the value of an option at its commas; omit empty parts."""
     return tuple(filter(None, map(str.strip, (text or '').split(','))))
 
 
 def choice(*values: str) -> dict[str, Any]:
-    """Return arguments of an option that accepts only these values and lists them in the help.
+    """Return arguments of `typer.Option` that restrict the option to these values.
 
-    Typer's own ways have disadvantages: every command would have to convert the members of an
-    ``Enum``, and ``click_type`` was removed in Typer 0.22.
+    The values are listed in the help. This does not use an ``Enum``, because every command would
+    have to convert its members, nor ``click_type``, because Typer 0.22 has removed it.
     """
     named = [value for value in values if value]
 
@@ -117,17 +118,18 @@ SOURCES, TRIALS = SourceOptions(), TrialOptions()
 OverOption = Annotated[
     Optional[str],
     typer.Option(
-        help='Texture: compute features over distance instead of time, for any sliding speed. '
-        'Give the length of the window and the finest scale in mm, as in --over 45:0.5.'
+        help='Texture: compute features over distance instead of time, so that trials of '
+        'different sliding speeds can be compared. Give the length of the window and the finest '
+        'scale in mm, as in --over 45:0.5.'
     ),
 ]
 DetrendOption = Annotated[
     Optional[str],
     typer.Option(
         **choice('none', 'mean', 'linear'),
-        help='Texture: subtract nothing, the mean (as in the paper) or the least-squares line '
-        'before the Fourier transform. Default: as recorded; for an archive, the default of the '
-        'feature node.',
+        help='Texture: what is subtracted from the signal before the Fourier transform: none, '
+        'the mean (as in the paper), or the least-squares line (linear). Default: as recorded; '
+        'for an archive, the default of the feature node.',
     ),
 ]
 FoldsOption = Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')]
@@ -135,8 +137,8 @@ RepetitionsOption = Annotated[
     Optional[int],
     typer.Option(
         min=1,
-        help='Number of repetitions of the cross-validation. Default: 10. If the data are large '
-        '(trials squared times features above 2e9): 1, without feature selection.',
+        help='Number of repetitions of the cross-validation. Default: 10. For large data (trials '
+        'squared times features above 2e9), the default is 1, and features are not selected.',
     ),
 ]
 
@@ -145,8 +147,8 @@ ClusterOption = Annotated[
     str,
     typer.Option(
         metavar='ADDRESS',
-        help='Compute on the workers of this Dask scheduler, such as tcp://HOST:8786. '
-        'These packages must be installed there, too. The results are the same, bit for bit.',
+        help='Compute on the workers of this Dask scheduler, such as tcp://HOST:8786. These '
+        'packages must be installed on the workers, too. The results are the same, bit for bit.',
     ),
 ]
 SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
@@ -154,8 +156,8 @@ SensorTopicOption = Annotated[
     str,
     typer.Option(
         metavar='TOPIC[:AXIS|:JOINT]',
-        help='Topic of a force that another node publishes, instead of a port: WrenchStamped, '
-        'Wrench, Float64, Float32 or JointState, such as /ft/wrench:fx.',
+        help='Topic on which another node publishes the force, such as /ft/wrench:fx, instead of '
+        'a port. Messages: WrenchStamped, Wrench, Float64, Float32 or JointState.',
     ),
 ]
 SimulatedOption = Annotated[
@@ -177,7 +179,7 @@ ParamsOption = Annotated[
 
 @dataclasses.dataclass(frozen=True)
 class RigOptions:
-    """Options on a rig: its ports, and the parameters of its nodes."""
+    """Options of commands that use a rig: its ports, and the parameters of its nodes."""
 
     guide: Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')] = ''
     tendon: Annotated[str, typer.Option(help='Serial port of the Dynamixel.')] = ''
@@ -189,12 +191,12 @@ class RigOptions:
 
 RIG = RigOptions()
 NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
-RecordOption = Annotated[Optional[Path], typer.Option(help='Record to this bag; must not exist.')]
+RecordOption = Annotated[
+    Optional[Path], typer.Option(help='Record to this new bag; must not exist.')
+]
 WatchOption = Annotated[
     bool,
-    typer.Option(
-        '--watch', help='Serve a live page; its address is printed. See `tactile watch`.'
-    ),
+    typer.Option('--watch', help='Serve a live page, and print its address. See `tactile watch`.'),
 ]
 QuietOption = Annotated[
     bool, typer.Option('--quiet', help='Do not print a line for each classification.')
@@ -209,8 +211,8 @@ DescriptionOption = Annotated[
     Optional[Path],
     typer.Option(
         exists=True,
-        help='Folder with your own finger, rig, plates or objects: YAML files that override '
-        'the files of the package.',
+        help='Folder with descriptions of your own finger, rig, plates or objects: YAML files '
+        'that replace the files of the package.',
     ),
 ]
 JobsOption = Annotated[

@@ -3,8 +3,8 @@
 
 """Output of the commands: tables and progress for people, JSON for programs.
 
-With ``--json``, standard output contains only one JSON document. Progress is always printed to
-standard error.
+With ``--json``, standard output contains a single JSON document, and everything else is printed to
+standard error. Progress is always printed to standard error.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 TABLES = ('.parquet', '.csv')
 PICTURES = ('.png', '.svg', '.pdf')
-"""Suffixes of files that commands write."""
+"""Suffixes of the figures that commands write; `TABLES` are those of tables."""
 
 
 class Output:
-    """Output of one command; ``as_json`` is true if JSON was requested."""
+    """Output of one command; ``as_json`` is True if the result is to be printed as JSON."""
 
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
@@ -47,7 +47,7 @@ class Output:
                 self._out.say(text, markup=markup)
 
     def say_audits(self, audits: Iterable[Audit]) -> None:
-        """Print the findings of audits; one line if there are none."""
+        """Print the findings of the audits, and a line about each audit of a whole bag."""
         for audit in audits:
             if not audit.passed:
                 self.say(f'audit: {audit.format()}')
@@ -55,13 +55,13 @@ class Output:
                 self.say(f'audit: {audit.format()}, {audit.rate_hz:.4g} Hz')
 
     def result(self, document: dict[str, Any]) -> None:
-        """Print the result as JSON, if requested."""
+        """Print the result as JSON, if ``as_json`` is True."""
         if self.as_json:
             print(json.dumps(document, indent=1, allow_nan=False))  # noqa: T201
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[..., None]]:
-        """Show a progress bar while the block runs; yield a function that sets the progress.
+        """Show a progress bar while the block runs; provide a function that updates it.
 
         There is no bar if standard error is not a terminal.
         """
@@ -94,19 +94,24 @@ class Output:
 
 
 def refuse_to_replace(paths: Iterable[Path], *, force: bool) -> None:
-    """Refuse to overwrite existing files, unless ``force`` is True."""
+    """Raise `TactileError` if one of the files exists, unless ``force`` is True."""
     if not force and (there := [str(path) for path in paths if path.exists()]):
-        raise TactileError(f'{", ".join(there)} would be replaced: give another name, or --force')
+        raise TactileError(
+            f'{", ".join(there)} already exists; give another name, or --force to replace it'
+        )
 
 
 def make_output_folder(folder: Path) -> None:
-    """Create a folder for results, before the computation of the results."""
+    """Create the folder for the results of a command.
+
+    It is created before the computation, so that an error is reported early.
+    """
     with named_errors('make the folder', folder):
         folder.mkdir(parents=True, exist_ok=True)
 
 
 def refuse_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
-    """Refuse the name of a file with another suffix than these."""
+    """Raise `TactileError` if the file name of an option does not end in one of these suffixes."""
     if path.suffix.lower() not in suffixes:
         *some, last = suffixes
         ends = f'{", ".join(some)} or {last}' if some else last
@@ -114,7 +119,7 @@ def refuse_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
 
 
 def write_table(table: pyarrow.Table, path: Path) -> None:
-    """Write a table as Parquet or CSV, depending on the suffix."""
+    """Write a table as Parquet or CSV, depending on the suffix of the path."""
     import pyarrow.csv
     import pyarrow.parquet
 
@@ -137,7 +142,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Wait until the names in a folder are on the disk."""
+    """Wait until the directory entries of a folder are on the disk."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -3,13 +3,13 @@
 
 """The ``tactile`` command: the table of its commands, each loaded when it is called.
 
-A command is one module of `tactile_lab.commands` with a function of the same name. The function's
-parameters are the options, and its docstring is the help. A parameter whose default is a
-dataclass is replaced by options for its fields (`expand`). Fast imports (Typer, the options and
-the output) are at the top of such a module, and slow ones inside its functions, because ``--help``
-and invalid options must not wait for ROS or scikit-learn.
+Each command is a module of `tactile_lab.commands` with a function of the same name. The parameters
+of the function are the options of the command, and its docstring is the help. A parameter whose
+default is a dataclass is replaced by an option for each field (`expand`). The module imports only
+Typer, the options and the output at its top. Its functions import everything else, so that
+``--help`` and errors in the options do not have to wait for ROS or scikit-learn.
 
-Ubuntu 24.04 has Typer 0.9, which does not support ``X | None`` and annotations that are strings.
+Ubuntu 24.04 has Typer 0.9, which supports neither ``X | None`` nor annotations that are strings.
 Therefore modules with options use ``Optional[X]`` without ``from __future__ import annotations``.
 """
 
@@ -58,21 +58,21 @@ COMMANDS = {
     'check': 'Test each device and print the results; exit with 1 when there is a fault.',
     'calibrate': 'Calibrate a load cell against known weights.',
 }
-"""First line of the help of each command, whose module and function have its name."""
+"""First line of the help of each command."""
 
 ELSEWHERE = {'import': ('import_recordings', 'import_recordings'), 'hand': ('sense', 'hand')}
-"""Module and function of other commands: a reserved word, and a module with two commands."""
+"""Module and function of commands whose names differ from the name of their module or function."""
 
 UNTIL_A_SIGNAL = {'rig', 'sense', 'hand', 'watch'}
-"""Commands that run until SIGINT, SIGTERM or SIGHUP, which is their regular end. These signals
-interrupt the other commands."""
+"""Commands that run until SIGINT, SIGTERM or SIGHUP, and then end regularly. The other commands
+are interrupted by these signals."""
 
 OF_ROS = {
     'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'domain_coordinator',
     'geometry_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs',
     'sensor_msgs', 'std_msgs', 'std_srvs', 'tactile_msgs',
 }  # fmt: skip
-"""Packages that are missing in a Python without ROS 2."""
+"""Modules that can be imported only if ROS 2 is installed."""
 
 REFUSALS = {
     'tactile_bringup.trial_protocols.ProtocolError',
@@ -81,19 +81,20 @@ REFUSALS = {
     'tactile_ros.errors.TactileError',
     'tactile_sim.errors.TactileSimError',
 }
-"""Names of our own errors: importing their classes would import slow modules."""
+"""Names of the exceptions that are printed as a sentence. They are names instead of classes,
+because importing the classes would take too long."""
 
-# Newer versions of Click suggest a command themselves, so that Typer would suggest it twice.
+# Newer versions of Click suggest a similar command, so Typer must not suggest it a second time.
 _CLICK_ERRORS = getattr(getattr(typer.core, 'click', None), 'exceptions', None)
 _SUGGESTIONS = {'suggest_commands': False} if hasattr(_CLICK_ERRORS, 'NoSuchCommand') else {}
 
 
 class StrictCommand(WholeNames, TyperCommand):
-    """Refuses an option that is given repeatedly although only its last value would be used."""
+    """Command that refuses an option if it is given repeatedly but has only one value."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        # Click 8.5 has its own help for arguments, and Typer then loses its help for them.
+        # With Click 8.5, Typer loses the help of arguments, so it is set here.
         declared = inspect.signature(self.callback).parameters if self.callback else {}
         for param in self.params:
             if isinstance(param, TyperArgument) and not param.help and param.name in declared:
@@ -113,7 +114,7 @@ class StrictCommand(WholeNames, TyperCommand):
 
 
 class LazyGroup(WholeNames, TyperGroup):
-    """The commands in the table; a command is loaded when it is called or its help is printed."""
+    """The commands of `COMMANDS`, imported when they are called or their help is printed."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -134,11 +135,11 @@ class LazyGroup(WholeNames, TyperGroup):
 
 @functools.cache
 def load_command(name: str) -> Any:
-    """Import a command of the table; return it as a Click command."""
+    """Import a command of `COMMANDS`, and return it as a Click command."""
     from tactile_lab.options import expand
 
     function = load_function(name)
-    if isinstance(function, typer.Typer):  # it has its own commands
+    if isinstance(function, typer.Typer):  # a command with subcommands
         app = function
         for command in app.registered_commands:
             assert command.callback is not None
@@ -151,19 +152,19 @@ def load_command(name: str) -> Any:
 
 
 def load_function(name: str) -> Any:
-    """Import the function of a command, or the `Typer` of a command with subcommands."""
+    """Import and return the function of a command, or the `Typer` object if it has subcommands."""
     module, function = ELSEWHERE.get(name, (name, name))
     return getattr(import_module(f'tactile_lab.commands.{module}'), function)
 
 
 def _guard(command: Callable[..., None], name: str) -> Callable[..., None]:
-    """Return a command that prints errors as one sentence, and that signals interrupt."""
+    """Wrap the function of a command: print errors as a sentence, and let signals interrupt it."""
 
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> None:
         signals = held_signals()
         with _refusals():
-            # If signals are not held, this process belongs to other code, such as a test.
+            # If signals are not held, the command was called by other code, such as a test.
             if signals is None or name in UNTIL_A_SIGNAL:
                 command(*arguments, **options)
                 return
@@ -171,14 +172,14 @@ def _guard(command: Callable[..., None], name: str) -> Callable[..., None]:
                 with signals.raising():
                     command(*arguments, **options)
             except KeyboardInterrupt:
-                raise typer.Exit(128 + signals.received) from None  # the exit code of shells
+                raise typer.Exit(128 + signals.received) from None  # the exit code that shells use
 
     return run
 
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Convert our own errors to one sentence and exit code 2."""
+    """Print an exception of `REFUSALS` as a sentence, and exit with code 2."""
     try:
         yield
     except Exception as error:
@@ -204,11 +205,14 @@ def _print_version(is_wanted: bool) -> None:
         return
     from importlib.metadata import PackageNotFoundError, version
 
-    for distribution in ('tendon-tactile', 'tactile_lab'):  # installed by pip, by colcon
+    # The first distribution is installed by pip, the second one by colcon.
+    for distribution in ('tendon-tactile', 'tactile_lab'):
         with suppress(PackageNotFoundError):
             typer.echo(f'tactile {version(distribution)}')
             raise typer.Exit
-    raise TactileError('these packages are not installed, neither by pip nor by colcon')
+    raise TactileError(
+        'the version is not known, because the packages are installed neither by pip nor colcon'
+    )
 
 
 @app.callback()
@@ -224,8 +228,8 @@ def tactile(
 
 
 def main() -> int:
-    """Run the command in the arguments."""
-    # Other computers cannot reach our nodes unless the environment allows it.
+    """Run the command in ``sys.argv``; return its exit code."""
+    # By default, the nodes can be reached only from this computer.
     os.environ.update(choose_transports(os.environ, 'LOCALHOST'))
     try:
         app(prog_name='tactile')

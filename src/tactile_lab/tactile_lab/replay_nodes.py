@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Replay of a recording, byte for byte, through real feature and classifier nodes."""
+"""Replay of a recording through the nodes of features and classifier."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ DEADLINE_S = 30.0
 """Longest wait for the results of the nodes [s]."""
 
 BATCH = 200
-"""Strain blocks sent before waiting for the nodes; well below the topics' history depth."""
+"""Number of strain blocks to send before waiting for the nodes. It is smaller than the QoS depth
+of the topics, so no block is lost."""
 
 
 def replay_through_nodes(
@@ -56,10 +57,10 @@ def replay_through_nodes(
     namespace: str = '',
     contact: str = '',
 ) -> TactileResults:
-    """Send strain and events of a recording to new nodes; return their published results.
+    """Send strain blocks and trial events of a recording to new nodes; return their results.
 
-    The messages are sent as fast as the nodes process them: results depend on sample times, not on
-    arrival times.
+    The messages are sent, byte for byte, as fast as the nodes process them. This does not change
+    the results, which depend on sample times and not on arrival times.
 
     Parameters
     ----------
@@ -68,9 +69,11 @@ def replay_through_nodes(
     context : rclpy.context.Context
         Context on a ROS domain without other publishers.
     expected : TactileResults
-        Determines how many windows and classifications to wait for.
+        The function waits for as many windows and classifications as these results contain.
     namespace : str
         Namespace of the finger in the recording.
+    contact : str
+        Only models of this contact are used; empty for all models.
 
     Raises
     ------
@@ -116,18 +119,18 @@ def replay_through_nodes(
             and all(player.count_publishers(player.resolve_topic_name(t)) > 0 for t in topics)
             and player.count_subscribers(player.resolve_topic_name(FEATURES_TOPIC.name))
             >= len(nodes),
-            lambda: 'the nodes did not discover each other',
+            lambda: 'the nodes have not discovered each other',
         )
         sent = {STRAIN: 0, EVENT: 0}
 
         def lag() -> str:
             taken = {STRAIN: features.extractor.block_count, EVENT: features.extractor.event_count}
-            return f'the nodes are too slow: processed {taken} of {sent}'
+            return f'the nodes have processed {taken} of {sent} messages'
 
         for message in sensed_messages(bag, namespace):
             publishers[message.type_name].publish(message.data)
             sent[message.type_name] += 1
-            # The latched topic has a short history, so each event must be received first.
+            # Wait after each event, because the QoS depth of its topic is small.
             if message.type_name == EVENT or sent[STRAIN] % BATCH == 0:
                 _spin_until(executor, lambda: _caught_up(features, sent), lag)
         _spin_until(executor, lambda: _caught_up(features, sent), lag)
@@ -136,7 +139,7 @@ def replay_through_nodes(
             lambda: len(results.windows) >= len(expected.windows)
             and len(results.classifications) >= len(expected.classifications),
             lambda: f'the nodes published {len(results.windows)} windows and '
-            f'{len(results.classifications)} classifications, expected were '
+            f'{len(results.classifications)} classifications instead of '
             f'{len(expected.windows)} and {len(expected.classifications)}',
         )
     finally:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig of a command: its ports, its parameters, and its nodes in this process."""
+"""The rig of a command: ports, parameters, and nodes in this process."""
 
 from __future__ import annotations
 
@@ -35,21 +35,23 @@ if TYPE_CHECKING:
 def open_ports(
     given: RigOptions, seed: int, stack: ExitStack
 ) -> tuple[Ports, SimulatedRig | None]:
-    """Return the ports; if a simulated rig is requested, start it and return it, too.
+    """Return the ports of the rig, and the simulated rig or None.
+
+    If ``--simulated`` is given, the simulated rig is started.
 
     Parameters
     ----------
     given : RigOptions
-        Ports are empty if an option was not given.
-    stack : ExitStack
-        Ends the simulated rig.
+        Options of the command.
     seed : int
         Seed of the simulated rig.
+    stack : ExitStack
+        The simulated rig ends when this stack is closed.
 
     Raises
     ------
     TactileError
-        For missing ports, a sensor given twice, or ports together with ``--simulated``.
+        When ports are missing, two sensors are given, or ports are given with ``--simulated``.
     """
     refuse_two_sensors(given)
     named = {'--guide': given.guide, '--tendon': given.tendon, '--sensor': given.sensor}
@@ -61,18 +63,21 @@ def open_ports(
     if given.sensor_topic:
         del named['--sensor']
     if missing := [option for option, port in named.items() if not port]:
-        raise TactileError(f'state the ports: {", ".join(missing)}; or use --simulated')
+        raise TactileError(f'give the ports: {", ".join(missing)}; or use --simulated')
     return Ports(given.guide, given.tendon, given.sensor, given.sensor_topic), None
 
 
 def refuse_two_sensors(given: RigOptions) -> None:
-    """Refuse a sensor's port together with a topic."""
+    """Raise `TactileError` if both the port and the topic of a sensor are given."""
     if given.sensor and given.sensor_topic:
-        raise TactileError('--sensor and --sensor-topic are given; use one of them')
+        raise TactileError('--sensor and --sensor-topic are both given; omit one of them')
 
 
 def read_rig_parameters(path: Path | None, namespace: str) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the rig's nodes from a ROS parameter file, if one is given."""
+    """Return the parameters of each node of the rig from a ROS parameter file.
+
+    If ``path`` is None, there are no parameters.
+    """
     file = ParameterFile(path)
     file.refuse_others([namespace])
     return {name: file.of(name, namespace) for name in (*RIG_NODES, CLASSIFIER_NODE)}
@@ -96,9 +101,9 @@ def run_nodes(
     quiet : bool
         Do not print a line for each prediction.
     simulated_rig : SimulatedRig or None
-        Mounts the object of each trial that the live page starts.
+        The simulated rig, which mounts the object of each trial that is started on the live page.
     simulated : bool
-        True if a sensor is simulated.
+        True if only the sensors are simulated.
     """
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
     from tactile_lab.watch.watching import watching

@@ -20,19 +20,20 @@ else:
     _Command = object
 
 LEAST_HELP_WIDTH = 80
-"""Smallest number of columns. If there are fewer, Typer truncates the names of options."""
+"""Smallest width of the help [characters]. If it is narrower, Typer truncates option names."""
 
 LONGEST_REFUSAL = 4_000
-"""Largest number of printed characters of an error, because a name in it can be very long."""
+"""Largest number of characters of a printed error, which may contain a very long name."""
 
 _ClickError: type[Any] = next(
     each for each in typer.BadParameter.__mro__ if each.__name__ == 'ClickException'
 )
-"""Base class, which is defined by Click, or by the copy of Click in newer versions of Typer."""
+"""Base class of the errors of the command line. Newer versions of Typer contain a copy of Click,
+so it cannot be imported from Click."""
 
 
 class WholeNames(_Command):
-    """Mixin for commands: names of options are not truncated in the help."""
+    """Mixin for commands and groups: option names are not truncated in the help."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         from typer import rich_utils  # imported lazily: only help needs it
@@ -43,7 +44,10 @@ class WholeNames(_Command):
 
 @contextmanager
 def plain_errors() -> Iterator[None]:
-    """Print errors of the command line as lines of text; Typer's box breaks names and paths."""
+    """Print errors of the command line as plain text.
+
+    Typer would print them in a box, with line breaks inside names and paths.
+    """
     try:
         yield
     except _ClickError as error:
@@ -57,6 +61,6 @@ def plain_errors() -> Iterator[None]:
 
 
 def say_refusal(text: str) -> None:
-    """Print the reason why a command does nothing, to standard error."""
+    """Print the reason why a command was refused to standard error."""
     text = plain_text(f'tactile: {text}', '\n\t')
     typer.echo(text[:LONGEST_REFUSAL] + ' ...' * (len(text) > LONGEST_REFUSAL), err=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A small recording, made once a test run."""
+"""Small recordings, which are made once per test run."""
 
 import builtins
 from pathlib import Path
@@ -16,16 +16,16 @@ from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.topics import RecordedTopic
 
-# What several test files share lies beside them and is no part of the package.
+# Helpers of several test files are in this folder, which is not part of the package.
 sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture(scope='session')
 def rewrite():
-    """Return a function that copies a bag and changes it on the way."""
+    """Return a function that writes a modified copy of a bag."""
 
     def rewrite(source, target, change, **metadata):
-        """Copy a bag, message by message; ``change`` returns the message, or None to lose it."""
+        """Copy a bag; ``change`` returns each message, or None to omit it."""
         with (
             TactileBag(source) as bag,
             BagWriter(target, {**bag.metadata, **metadata}) as writer,
@@ -67,7 +67,7 @@ def texture_bag(simulate_bag):
 
 @pytest.fixture
 def opened(monkeypatch):
-    """Return the names of the data files that are opened, in their order."""
+    """Return the names of the data files that are opened, in the order of opening."""
     found = []
     for place, name in ((builtins, 'open'), (Path, 'open')):
         original = getattr(place, name)
@@ -83,7 +83,7 @@ def opened(monkeypatch):
 
 @pytest.fixture(scope='session')
 def trained(stiffness_bag, tmp_path_factory):
-    """Return a folder with a model that was trained on the small recording."""
+    """Return a folder with a model that was trained on `stiffness_bag`."""
     from tactile_analysis.datasets.feature_tables import read_tables
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import train

@@ -3,9 +3,9 @@
 
 """The commands and files of a documentation page, and a terminal that runs them.
 
-A line of a ``console`` block that begins with ``$`` is a command; the other lines are its output.
-A code block whose first line is a comment with a file name (``# hand.yaml``) is that file.
-"""
+In a ``console`` block, a line that begins with ``$`` is a command, and the other lines are its
+output. If the first line of a code block is a comment with a file name (``# hand.yaml``), the
+block is the content of this file."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ FENCE = re.compile(r'^( *)```(\w*)\n(.*?)^\1```$', re.MULTILINE | re.DOTALL)
 FILE_NAME = re.compile(r'# ([\w./-]+\.(?:py|yaml))\b')
 
 UNTIL_CTRL_C = re.compile(r'tactile (hand|sense|rig|watch)\b')
-"""Commands that a reader leaves running in a terminal while the next commands run in another."""
+"""Commands that keep running in one terminal while the next commands run in another one."""
 
 NOT_RUN = {
     r'tactile demo|\./tactile demo': 'minutes of real time: test_demo.py',
@@ -51,22 +51,22 @@ NOT_RUN = {
     ),
     r'tactile simulate texture (-o bags --(trials 5|desc)|--contact flexion --trials 1[02])|'
     r'tactile simulate texture -o bags --contact flexion --speed 10': (
-        'minutes of computation: their recordings are replaced by those of page_files.py'
+        'minutes of computation: the small recordings of page_files.py are used instead'
     ),
 }
 """Patterns of commands that are not run, with the reason and the tests that cover them."""
 
 FAILS = {'tactile import trial.csv --label pla': 2}
-"""Commands whose page shows the error and its remedy, with their exit codes."""
+"""Commands that fail on their page, which shows the remedy. The values are their exit codes."""
 
 
 TIMEOUT_S = 300.0
-"""Far more than a command needs: the computer may be busy with other tests."""
+"""Much longer than a command needs [s], because the computer may be busy with other tests."""
 
 
 @dataclass
 class Command:
-    """A command, and the output that its page shows."""
+    """A command, and the output of it that its page shows."""
 
     text: str
     shown: list[str] = field(default_factory=list)
@@ -81,7 +81,7 @@ class Command:
 
 
 def read_page(page):
-    """Return the commands of a page, and its files by name."""
+    """Return the commands of a page, and the content of its files by name."""
     commands, files = [], {}
     for indent, language, body in FENCE.findall(page.read_text('utf-8')):
         lines = [line.removeprefix(indent) for line in body.splitlines()]
@@ -106,7 +106,7 @@ def read_commands(lines):
 
 
 class Terminal:
-    """Runs commands in a folder; ``tactile`` and ``python`` are those of the test."""
+    """Runs commands in a folder, with the ``tactile`` and ``python`` of the test."""
 
     def __init__(self, folder):
         self.folder = folder / 'page'
@@ -143,7 +143,7 @@ class Terminal:
 
     @contextmanager
     def running(self, command):
-        """Run a command until Ctrl-C at the end of the block."""
+        """Run a command, and end it with Ctrl-C at the end of the block."""
         log = self.folder.with_name(f'{time.monotonic_ns()}.log')
         with log.open('w') as output:
             process = self._start(f'exec {command.text}', output)
@@ -157,10 +157,10 @@ class Terminal:
 
 
 def check_shown(command, output):
-    """Check that a command printed the lines of its page; ``...`` is any text.
+    """Check that a command has printed the lines that its page shows.
 
-    A number is any number, except behind a letter: R1 is R1.
-    """
+    On the page, ``...`` matches any text, and a number matches any number. A number after a
+    letter, as in R1, matches only itself."""
     squeezed = ' '.join(output.split())
     for line in command.shown:
         pattern = re.escape(' '.join(line.split())).replace(r'\.\.\.', '.*')

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Small SIMULATED recordings and models under the names that how-to pages use.
+"""Small SIMULATED recordings and models with the names that how-to pages use.
 
-A page names files of its reader, or recordings that take minutes to make. The commands of the page
-run on these instead, in order, in a folder per page.
+How-to pages use files of the reader, or recordings that take minutes to make. In the test, their
+commands run on these small files instead, in order, in a folder per page.
 """
 
 from dataclasses import dataclass
@@ -19,18 +19,18 @@ from tactile_ros.topics import EVENT
 
 @dataclass(frozen=True)
 class Recordings:
-    """What is made once per test session: bags, and a model file.
+    """Bags and a model file that are made once per test session.
 
     Attributes
     ----------
     texture : Path
-        Bag of two plates, 4 trials of each in two sessions.
+        Bag of two plates, with 4 trials on each in two sessions.
     old, new : Path
-        Bags of all plates, one trial of each in two sessions; ``new`` has other trials.
+        Bags of all plates, with one trial on each in two sessions. The trials of ``new`` differ.
     holds : dict of str to Path
         A bag of stiffness trials for each object.
     grooves : Path
-        Bag of the experiment's plates.
+        Bag of the plates of the experiment.
     model : Path
         Model file trained on ``old``.
     """
@@ -44,9 +44,9 @@ class Recordings:
 
 
 def keep(chosen, speeds=None):
-    """Return a change for ``rewrite`` that keeps the trials whose id matches a pattern.
+    """Return a function for ``rewrite`` that keeps the trials whose id matches a pattern.
 
-    ``speeds`` [m/s] replaces the stated sliding speeds, in turn.
+    If ``speeds`` [m/s] is given, its values replace the sliding speeds of the trials in turn.
     """
     speed_of = {}
 
@@ -64,7 +64,7 @@ def keep(chosen, speeds=None):
 
 
 def make_fabrics(folder, recordings):
-    """Write the form of fabric_slide.npz: 4 speeds, 3 forces, 2 repetitions of 2 labels."""
+    """Write an archive like fabric_slide.npz: 4 speeds, 3 forces, 2 repetitions of 2 labels."""
     speed, force, label, _ = np.array(
         np.meshgrid([10.0, 20.0, 50.0, 100.0], [1.0, 2.0, 3.0], [0, 1], [0, 1])
     ).reshape(4, -1)
@@ -78,7 +78,7 @@ def make_fabrics(folder, recordings):
 
 
 def make_holds(folder, recordings):
-    """Write the form of phac_hold.npz: 6 repetitions of 2 labels, 10 s at 100 Hz."""
+    """Write an archive like phac_hold.npz: 6 repetitions of 2 labels, 10 s at 100 Hz."""
     rng = np.random.default_rng(0)
     label, repetition = np.repeat([0, 1], 6), np.tile(np.arange(6), 2)
     time_s = np.arange(1000) / 100.0
@@ -89,7 +89,7 @@ def make_holds(folder, recordings):
 
 
 def make_archive(name, channels=('fx', 'fy', 'fz')):
-    """Return a function that writes an archive of 3 s at 60 Hz: 12 trials of each of 2 labels."""
+    """Return a function that writes an archive: 12 trials of each of 2 labels, 3 s at 60 Hz."""
 
     def make(folder, recordings):
         rng = np.random.default_rng(1)
@@ -109,7 +109,7 @@ def _glide(pitch_hz, rng):
 
 
 def make_lab(folder, recordings):
-    """Write tables as a German program exports them: 8 trials of each of 3 labels."""
+    """Write tables with a German number format: 8 trials of each of 3 labels."""
     rng = np.random.default_rng(2)
     head = 'Versuch 1\nDMS 3\n\nZeit [ms];Kraft [N];Temperatur [°C]\n'
     for number in range(24):
@@ -123,13 +123,13 @@ def make_lab(folder, recordings):
 
 
 def make_trial(folder, recordings):
-    """Write a table whose times have no unit."""
+    """Write a table in which the unit of the times is not stated."""
     rows = [f'{10 * i},{1.5 + i % 3}' for i in range(300)]
     (folder / 'trial.csv').write_text('time,force_n\n' + '\n'.join(rows) + '\n')
 
 
 def make_new(folder, recordings):
-    """Write a table of two trials: a learned label, and an unknown one."""
+    """Write a table of two trials: one of a trained label, and one of an unknown object."""
     rng = np.random.default_rng(3)
     rows = [
         f'{trial},{i / 60:.6f},{force}'
@@ -140,7 +140,7 @@ def make_new(folder, recordings):
 
 
 def place(*names):
-    """Return a function that copies bags or a model file to their names on a page."""
+    """Return a function that copies bags or a model file to the names on a page."""
 
     def copy(folder, recordings):
         for name in names:
@@ -179,11 +179,12 @@ FILES = {
     ('your_data.md', 'tactile classify new'): make_new,
     ('your_data.md', 'tactile show models'): place('model=models/texture_flexion.npz'),
 }
-"""Page and first command that needs files, with the function that makes them; each runs once."""
+"""For each page and the first command that needs certain files, the function that makes the files.
+Each function runs once."""
 
 
 def make_files(page, command, folder, recordings, done):
-    """Make the files that a command needs, unless an earlier command of its page made them."""
+    """Make the files that a command needs, unless they were made for an earlier command."""
     for key, make in FILES.items():
         if key[0] == page.name and key not in done and re.match(key[1], command.text):
             done.add(key)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `tactile` command, in the process of the test (saves a second) or in a separate one."""
+"""The `tactile` command, in the process of the test (faster by a second) or in a separate one."""
 
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 import io
@@ -16,17 +16,18 @@ from typer.main import get_command
 from tactile_sim.rig_process import SimulatedRig
 
 QUICK = 'trial_runner:\n  ros__parameters:\n    approach_speed_m_s: 0.1\n'
-"""A file of parameters that shortens trials where the way to the object is not looked at."""
+"""A parameter file for short trials. The finger approaches the object quickly."""
 
 SHORT_HOLD = QUICK + '    hold_s: 2.8\n'
-"""The same where no model answers: a hold as short as a stiffness window of 2.6 s allows."""
+"""A parameter file for short trials without models. The hold is as short as the stiffness window
+of 2.6 s allows."""
 
 
 def tactile(*arguments):
-    """Run the command; return returncode, stdout and stderr like a separate process."""
+    """Run the command; return exit code, stdout and stderr, as `subprocess.run` does."""
     from tactile_lab.program import app
 
-    # Not CliRunner: whether it keeps the two streams apart depends on the version of Click.
+    # CliRunner is not used, because old versions of Click mix the two streams.
     stdout, stderr = io.StringIO(), io.StringIO()
     with redirect_stdout(stdout), redirect_stderr(stderr), pytest.raises(SystemExit) as ended:
         get_command(app).main([*map(str, arguments)], prog_name='tactile')
@@ -54,7 +55,7 @@ def ask_and_hear_tactile(*arguments):
 
 
 def hear_tactile(*arguments, code=0):
-    """Run the command, which must end with a code; return all that it says, on one line."""
+    """Run the command, which must exit with ``code``; return its output as one line."""
     done = tactile(*arguments)
     said = ' '.join(f'{done.stdout} {done.stderr}'.split())
     assert done.returncode == code, said
@@ -62,8 +63,10 @@ def hear_tactile(*arguments, code=0):
 
 
 def let_rigs_home_fast(set_attribute):
-    """Let every rig that is started from now on home fast; takes ``monkeypatch.setattr``."""
-    from tactile_testing.simulated_rigs import home_fast  # the wheel's tests have no such package
+    """Let every rig that is started later home fast; ``set_attribute`` is monkeypatch.setattr."""
+    from tactile_testing.simulated_rigs import (
+        home_fast,  # imported here, because tests of the wheel do not have this package
+    )
 
     start = SimulatedRig.__init__
 
@@ -76,7 +79,7 @@ def let_rigs_home_fast(set_attribute):
 
 @contextmanager
 def program(*arguments):
-    """Run the command in a separate process with fast homing; end it after the block."""
+    """Run the command in a separate process, with fast homing; end it with the block."""
     process = subprocess.Popen(
         [sys.executable, __file__, *map(str, arguments)],
         stdout=subprocess.PIPE,

@@ -33,7 +33,7 @@ SETTLED_S = 1.0
 """Time over which a reading is averaged [s]."""
 
 SETTLE_TIMEOUT_S = 20.0
-"""Longest time for a weight to settle [s]."""
+"""Longest time to wait until a weight is at rest [s]."""
 
 
 def calibrate(
@@ -61,10 +61,10 @@ def calibrate(
 ) -> None:
     """Calibrate a load cell against known weights.
 
-    The command prompts for each weight, from the smallest to the largest and back. Each
-    reading is the mean of a settled second, without outliers. The command fits a line and prints
-    `scale` and `offset_n` with their standard uncertainties, the error of the line at every
-    weight, and the hysteresis.
+    The command prompts for each weight, from the smallest to the largest and back. Each reading is
+    the mean over one second in which the weight is at rest; outliers are ignored. The command fits
+    a line and prints `scale` and `offset_n` with their standard uncertainties, the error of the
+    line at every weight, and the hysteresis.
 
     End the sensor's node first, because only one program can open a port. Six-axis sensors are
     calibrated by their manufacturer and are refused. `g` is between 9.780 (equator) and 9.832
@@ -108,13 +108,13 @@ def calibrate(
     )
     if params is not None:
         set_parameters(params, NODE, {'scale': fit.scale, 'offset_n': fit.offset_n})
-        output.say(f'{params}: scale and offset_n of {NODE} are set')
+        output.say(f'{params}: scale and offset_n of {NODE} were changed')
     asked = {'simulated': simulated, 'gravity_m_s2': gravity_m_s2, 'params': str(params or '')}
     output.result({**asked, **asdict(fit)})
 
 
 def parse_weights(text: str) -> tuple[float, ...]:
-    """Return masses from ``0,0.2,0.5`` [kg], in increasing order."""
+    """Return the masses in a text such as ``0,0.2,0.5`` [kg], in increasing order."""
     from tactile_lab.devices.load_cell import CalibrationError, FEWEST_WEIGHTS
 
     try:
@@ -140,7 +140,10 @@ def measure(
     *,
     goes_down: bool,
 ) -> list['WeightReading']:
-    """Measure a settled reading under each weight; also on the way down if ``goes_down``."""
+    """Measure the reading for each weight, when it is at rest.
+
+    If ``goes_down`` is True, the weights are then decreased again and measured a second time.
+    """
     from tactile_lab.devices.load_cell import WeightReading
     from tendon_sensor_driver.errors import TendonSensorError
     from tendon_sensor_driver.sensors import make_sensor
@@ -155,7 +158,7 @@ def measure(
         for mass_kg, is_rising in zip(masses, rising, strict=True):
             hang(mass_kg)
             mean_n, noise_n = listener.wait_settled(mass_kg)
-            output.say(f'{mass_kg:g} kg: {mean_n:.4f} N read, noise {noise_n:.2g} N')
+            output.say(f'{mass_kg:g} kg: reading {mean_n:.4f} N, noise {noise_n:.2g} N')
             readings.append(WeightReading(mass_kg, mean_n, noise_n, is_rising))
     except TendonSensorError as error:
         raise TactileError(str(error)) from error
@@ -165,7 +168,7 @@ def measure(
 
 
 class _Listener:
-    """Keeps the samples of the last second."""
+    """Receives the sensor's samples, and keeps those of the last second."""
 
     def __init__(self, config: 'TendonSensorConfig') -> None:
         self._arrived = threading.Condition()
@@ -185,11 +188,11 @@ class _Listener:
             self._arrived.notify_all()
 
     def wait_settled(self, mass_kg: float) -> tuple[float, float]:
-        """Wait for two settled seconds; return mean and deviation of the second one [N]."""
+        """Wait until the weight is at rest; return mean and standard deviation of a second [N]."""
         deadline_s = time.monotonic() + SETTLE_TIMEOUT_S
         with self._arrived:
             self._since_ns = time.time_ns()  # a busy computer may deliver older samples late
-            for _ in range(2):  # the first settled second may contain the end of the motion
+            for _ in range(2):  # the first second at rest may contain the end of a swing
                 self._samples.clear()
                 left_s = deadline_s - time.monotonic()
                 found = self._arrived.wait_for(self._find_settled, left_s)
@@ -203,7 +206,9 @@ class _Listener:
                 f'no full second of valid samples arrived; "tactile check --sensor '
                 f'{self._config.port}" says why'
             )
-        raise TactileError(f'{mass_kg:g} kg did not come to rest; let it hang still, try again')
+        raise TactileError(
+            f'the weight of {mass_kg:g} kg did not come to rest; let it hang still and try again'
+        )
 
     def _find_settled(self) -> Optional[tuple[float, float]]:
         import numpy as np
@@ -226,13 +231,13 @@ def _config(stated: dict[str, object]) -> 'TendonSensorConfig':
 
 
 def _as_table(fit: 'LoadCellFit', gravity_m_s2: float, simulated: bool) -> Table:
-    header = ('weight [kg]', 'way', 'force [N]', 'read [N]', 'error of the line [N]')
+    header = ('weight [kg]', 'load', 'force [N]', 'reading [N]', 'error of the line [N]')
     title = 'load cell, SIMULATED' if simulated else 'load cell'
     table = Table(*header, title=title, right_from=0)
     for reading, residual_n in zip(fit.readings, fit.residuals_n, strict=True):
         table.add_row(
             f'{reading.mass_kg:g}',
-            'up' if reading.is_rising else 'down',
+            'increasing' if reading.is_rising else 'decreasing',
             f'{reading.mass_kg * gravity_m_s2:.4f}',
             f'{reading.reading_n:.4f}',
             f'{residual_n:+.4f}',

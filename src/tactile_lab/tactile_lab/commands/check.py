@@ -25,7 +25,7 @@ def check(
     given: options.RigOptions = options.RIG,
     namespace: Annotated[str, typer.Option(help='Namespace of the nodes in --params.')] = '',
     seconds: Annotated[
-        float, typer.Option(min=1.0, max=3600.0, help='How long to listen to the sensor.')
+        float, typer.Option(min=1.0, max=3600.0, help='Duration of the test of the sensor [s].')
     ] = 5.0,
     may_move: Annotated[
         bool,
@@ -46,12 +46,12 @@ def check(
     **Sensor**: rate compared with ``rate_hz``, noise, lost samples, error of the time stamps,
     status bits. Do not touch the tendon during this test.
 
-    **Guide**: version, and settings that would change a glide without an error. The controller is
-    reset; with ``--move`` it is homed, moved and brought back.
+    **Guide**: firmware version, and settings that would distort a glide without an error message.
+    The controller is reset. With ``--move``, the guide is homed, moved and moved back.
 
-    **Tendon**: model, firmware, voltage, temperature, errors, and whether the bus watchdog
-    stops the servo when the bus is silent. For this the tendon is released, held at its position,
-    and released again at the end.
+    **Tendon**: model, firmware, voltage, temperature, errors, and whether the bus watchdog stops
+    the servo when the bus is silent. For this test, the servo holds its position; before and after
+    the test, its torque is off.
 
     Each fault is printed with its remedy.
     """
@@ -83,7 +83,7 @@ def check(
 
 
 def _read_parameters(given: options.RigOptions, namespace: str) -> dict[str, dict[str, Any]]:
-    """Return the parameters of each device to test."""
+    """Return the parameters of each device that is to be tested, by its name in `_NODES`."""
     from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_parameters
     from tactile_bringup.launch_config.parameter_files import ParameterFile
 
@@ -95,7 +95,7 @@ def _read_parameters(given: options.RigOptions, namespace: str) -> dict[str, dic
     if given.sensor_topic:
         stated = {_NODES['sensor']: wanted['sensor']}
         wanted['sensor'] |= sensor_parameters(stated, topic=given.sensor_topic) or {}
-    # Parameters select a device if they have its port or topic; a Net F/T has a default address.
+    # A device is tested if its port or topic is known. A Net F/T has a default address.
     named = {
         name: of_node
         for name, of_node in wanted.items()
@@ -117,11 +117,11 @@ def _list_checks(
     may_move: bool,
     stack: ExitStack,
 ) -> Iterator['CheckReport']:
-    """Check one device after the other."""
+    """Test the devices one after the other; yield the report of each."""
     from tactile_lab.devices import checks
     from tendon_sensor_driver.sensors import make_sensor
 
-    # All configurations first, so that errors of parameters are reported before any test.
+    # Invalid parameters are reported before the first test.
     configs = {name: checks.make_config(_NODES[name], of_node) for name, of_node in wanted.items()}
     if sensor := configs.get('sensor'):
         make: checks.MakeSensor = make_sensor

@@ -27,7 +27,7 @@ def classify(
             '-m',
             exists=True,
             help='Model file (.npz) of `tactile train`, or a folder of such files. Recordings of '
-            'other software state neither task nor contact; give a single file for them.',
+            'other software contain neither task nor contact, so they need a single file.',
         ),
     ],
     archives: TrialOptions = options.TRIALS,
@@ -38,9 +38,9 @@ def classify(
 
     Example: tactile classify new.csv --model models/texture.npz
 
-    Prints one line for each trial: the name of the trial, the label that the recording states (if
-    there is one), the predicted label with its probability, and the p-value, which is the fraction
-    of held-out training trials that are at least as novel. If the trial differs from all training
+    Prints one line for each trial: the name of the trial, its label in the recording (if there is
+    one), the predicted label with its probability, and the p-value, which is the fraction of
+    held-out training trials that are at least as novel. If the trial differs from all training
     trials, the prediction is *unknown*. If it cannot be classified, the prediction is *no answer*,
     with the reason. The trials need no labels.
 
@@ -65,12 +65,16 @@ def classify(
         found = classify_recording(recording, model, FeatureOptions(**vars(archives)))
     output.say(*found.notes)
     if not any(each.answer.scores for each in found.trials):
-        reason = found.trials[0].answer.reason if found.trials else 'there are no such trials'
+        reason = (
+            found.trials[0].answer.reason
+            if found.trials
+            else 'there is no trial of the task and contact of a model'
+        )
         raise TactileError(f'no trial can be classified: {reason}')
     output.say(_table(found.trials))
     right, known = count_right(found.trials)
     if known:
-        output.say(f'{right} of {known} predictions match the stated label')
+        output.say(f'{right} of {known} predictions match the label in the recording')
     output.result(
         {
             'trials': [each.to_dict() for each in found.trials],

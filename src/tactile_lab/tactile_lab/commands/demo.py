@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile demo`: the whole chain on the simulated rig."""
+"""`tactile demo`: training, live trials and replay on the simulated rig."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -31,10 +31,10 @@ SESSIONS = 6
 """Number of mountings of each plate in the simulated training trials."""
 
 KINDS = tuple(product(('flexion', 'abduction'), ('texture', 'stiffness')))
-"""Contact and protocol of the live trials, in their order."""
+"""Contact and protocol of the live trials, in this order."""
 
 STIFFNESS_FEATURES = 'stiffness_relaxation'
-"""Stiffness feature set of the demo; a new mounting affects it less than the paper's set."""
+"""Feature set of the stiffness trials. The paper's set is more sensitive to a new mounting."""
 
 
 def demo(
@@ -60,17 +60,18 @@ def demo(
         ),
     ] = 5,
     watch: Annotated[
-        bool, typer.Option('--watch/--no-watch', help='Serve the live trials as a page.')
+        bool,
+        typer.Option('--watch/--no-watch', help='Show the live trials on a page in the browser.'),
     ] = True,
     as_json: options.JsonOption = False,
 ) -> None:
     """Run everything from training to live trials on the **simulated** rig, in about a minute.
 
-    Simulates training sets, trains and cross-validates the four classifiers, then runs live
-    trials: simulated devices on serial lines, the real drivers, the trial runner, features,
-    classification. Records the live trials to a bag, replays the bag through nodes and through the
-    plain core, and reports whether all three agree bit for bit. The address of a live page is
-    printed before the live trials.
+    Simulates training trials, trains and cross-validates four classifiers, and then runs live
+    trials with the real nodes and drivers; only the devices at the serial ports are simulated. The
+    live trials are recorded to a bag. The bag is replayed through new nodes, and through the same
+    code without nodes (the plain core). The command reports whether the results are equal, bit for
+    bit. The address of a live page is printed before the live trials.
     """
     from domain_coordinator import domain_id
 
@@ -91,9 +92,7 @@ def demo(
     with SimulatedRig(seed) as rig:
         output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
 
-        output.say(
-            '[bold]1  Training sets from the simulator, without waiting[/bold]', markup=True
-        )
+        output.say('[bold]1  Training trials, simulated faster than real time[/bold]', markup=True)
         plans = paper_plans((12 if short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
         made = make_bags(folder / 'training', plans, output)
         bags = [bag.path for bag in made]
@@ -111,9 +110,9 @@ def demo(
             )
 
         output.say(
-            '[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]', markup=True
+            '[bold]3  Live trials: from serial ports to classifications[/bold]', markup=True
         )
-        output.say('   in another session: the rig has been set up again since the training')
+        output.say('   in a new session: the rig has been set up again after the training trials')
         with domain_id() as domain:
             setup = LiveSetup(
                 ports=Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor),
@@ -125,7 +124,7 @@ def demo(
             requests = choose_trials(seed, trials)
             live = run_live_trials(setup, folder / 'recording', requests, output)
 
-    output.say('\n[bold]4  The recording, replayed[/bold]', markup=True)
+    output.say('\n[bold]4  Replay of the recording[/bold]', markup=True)
     reports = replay_and_compare(folder / 'recording', None, through_nodes=True)
     for report in reports:
         print_report(report, output)
@@ -156,9 +155,9 @@ def make_folder(folder: Optional[Path]) -> Path:
 
 
 def choose_trials(seed: int, count: int) -> list['TrialRequest']:
-    """Draw the objects of the live trials, with equal numbers of each kind of trial.
+    """Choose the objects of the live trials at random, with equal numbers of each kind of trial.
 
-    Flexion comes first, because the finger is remounted between the contacts.
+    Flexion comes first: the finger is remounted only once, before the first abduction.
     """
     import numpy as np
 
@@ -181,7 +180,7 @@ def choose_trials(seed: int, count: int) -> list['TrialRequest']:
 def draw_plots(
     folder: Path, live: Sequence['LiveTrial'], trained: Sequence['TrainedModel']
 ) -> None:
-    """Draw one tension trace with its phases, and one spectrum for each texture."""
+    """Draw the tension of a stiffness trial, and the spectrum of a trial on each plate."""
     from tactile_bags.recorded_bag import RecordedBag
 
     touched = [
@@ -198,7 +197,7 @@ def draw_plots(
 
 
 def draw_trace(path: Path, bag: 'RecordedBag', request: 'TrialRequest') -> None:
-    """Draw a recorded stiffness trial: tension, phases, the window and its fitted line."""
+    """Draw the tension of a recorded stiffness trial with phases, window and fitted line."""
     from tactile_analysis.plots import plot_strain
     from tactile_bags.replay import recorded_results
 
@@ -244,10 +243,10 @@ def print_summary(
     """Print the summary of the demo."""
     right = sum(trial.is_right for trial in live)
     equal = all(c.is_exact for report in reports for c in report.comparisons.values())
-    agreement = 'agree bit for bit' if equal else 'DO NOT agree'
+    agreement = 'equal, bit for bit' if equal else 'DIFFERENT'
     output.say(
         f'\n[bold]{right} of {len(live)} live trials classified correctly (SIMULATED rig); '
-        f'live, nodes and plain core {agreement}.[/bold]',
+        f'results of both replays: {agreement}.[/bold]',
         markup=True,
     )
     output.say(f'Results in {folder}:')
@@ -263,7 +262,11 @@ def print_summary(
 
 
 def explain_misses(live: Sequence['LiveTrial'], trained: Sequence['TrainedModel']) -> list[str]:
-    """Return an explanation for each wrong trial, from held-out training sessions."""
+    """Return a sentence for each wrong live trial.
+
+    It states how often training trials of the same label were classified as the same wrong label
+    in held-out sessions.
+    """
     from tactile_classifier.evaluation.cross_validation import evaluate
 
     tables = {(m.table.task, m.manifest.contact): m for m in trained}
@@ -284,7 +287,7 @@ def explain_misses(live: Sequence['LiveTrial'], trained: Sequence['TrainedModel'
         row = score.confusion[score.labels.index(label)]
         taken, whole = int(row[score.labels.index(said)]), int(row.sum())
         sentences.append(
-            f'{name}, classified as {said}: with held-out sessions, {taken} of the {whole} '
-            f'training trials of {label} were also classified as {said}'
+            f'{name}, classified as {said}: when sessions were held out, {taken} of the {whole} '
+            f'training trials of {label} were classified as {said}, too'
         )
     return sentences

@@ -56,14 +56,14 @@ def devices(
 
     Lists every serial port with its USB numbers and persistent names, and the device on it: a
     linear guide (Grbl), a Dynamixel servo, a load cell that sends lines, or an ATI Net F/T at a
-    given address. Prints matching node parameters. With ``--topics``, lists the
-    forces that other nodes publish on this ROS domain.
+    given address. Also prints the parameters of the node for this device. With ``--topics``,
+    lists the topics of this ROS domain on which other nodes publish a force.
 
-    Nothing is moved. Nothing is sent to a port that sends data without a request. A silent port
-    gets a question mark, which Grbl answers and other devices ignore, and then a Dynamixel ping at
-    each usual baud rate. If another silent device must not receive these bytes, select ports with
-    ``--port``, or use ``--quiet``. A board that resets when its port is opened is reset here, too:
-    a Grbl guide must be homed afterwards. Ports that another program has open are skipped.
+    Nothing is moved. If a device sends data without a request, the command only listens. To a
+    silent port it sends a question mark, which Grbl answers and other devices ignore, and then a
+    Dynamixel ping at each usual baud rate. If you have other devices that must not receive these
+    bytes, select ports with ``--port``, or use ``--quiet``. Some boards reset when their port is
+    opened; a Grbl guide must be homed after that. Ports that another program has open are skipped.
     """
     from tactile_lab.devices.device_probe import (
         find_names,
@@ -88,11 +88,14 @@ def devices(
     if found:
         output.say(_as_table(found))
     elif topics:
-        output.say('No node publishes a force on this ROS domain; see "ros2 topic list -t".')
+        output.say(
+            'No node publishes a force on this ROS domain. Start the node of the sensor; it must '
+            'have the same ROS_DOMAIN_ID.'
+        )
     else:
         output.say(
-            'There are no serial ports. Check cables and power; adapters appear in the output of '
-            '"dmesg". For a Net F/T give its address: --net-ft 192.168.1.1'
+            'There are no serial ports. Check cables and power; `dmesg` lists adapters that were '
+            'plugged in. For a Net F/T, give its address: --net-ft 192.168.1.1'
         )
     output.result({'devices': [asdict(device) for device in found]})
 

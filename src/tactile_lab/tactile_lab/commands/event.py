@@ -16,7 +16,7 @@ from tactile_ros.topics import EVENT_TOPIC, join_topic
 PHASES = ('approach', 'contact', 'glide', 'hold', 'release', 'return', 'done', 'aborted')
 
 SETTLING_S = 0.5
-"""Time without a new subscriber after which all are known [s]."""
+"""All subscribers are assumed to be known if no new one appears for this time [s]."""
 
 
 def event(
@@ -25,14 +25,14 @@ def event(
     ],
     trial: Annotated[
         str,
-        typer.Option(help='Name of the trial, the same for all its events, such as grasp-1.'),
+        typer.Option(help='Name of the trial, such as grasp-1, which all of its events share.'),
     ],
     protocol: Annotated[
         str,
         typer.Option(
             **options.choice('', 'texture', 'stiffness'),
-            help='Kind of trial. Default: texture for a glide, otherwise stiffness; state it if '
-            'another phase begins a glide trial.',
+            help='Kind of trial. Default: texture for the phase glide, stiffness for the other '
+            'phases. Give it for the other phases of a texture trial.',
             show_default=False,
         ),
     ] = '',
@@ -57,7 +57,7 @@ def event(
         Optional[float],
         typer.Option(min=0.0, help='Sliding speed of a glide in mm/s. Default: not known.'),
     ] = None,
-    why: Annotated[str, typer.Option(help='Why the trial is aborted.')] = '',
+    why: Annotated[str, typer.Option(help='Reason why the trial is aborted.')] = '',
     namespace: options.NamespaceOption = '',
     wait_s: Annotated[
         float, typer.Option(min=0.0, help='Longest time to wait for a subscriber [s].')
@@ -66,11 +66,11 @@ def event(
 ) -> None:
     """Publish one event of a trial from the shell: a phase begins now.
 
-    For a hand that you move yourself. The event is latched (reliable, transient local) on
-    ``trial_runner/events`` and stamped with the time at which this command started, about
-    0.3 s after you press Enter. One touch consists of a **hold** or a **glide**, then a
-    **release**, then **done**, all with the same ``--trial``. For exact stamps, a program should
-    publish the message itself: see docs/on_your_hand.md.
+    Use this command if you move the hand by other means than our trial runner. The event is
+    published on the latched topic ``trial_runner/events`` (reliable, transient local). Its stamp
+    is the time at which this command started, about 0.3 s after you press Enter. One touch
+    consists of a **hold** or a **glide**, then a **release**, then **done**, all with the same
+    ``--trial``. For exact stamps, let your program publish the message: see docs/on_your_hand.md.
     """
     stamp_ns = time.time_ns()
     from rclpy.node import Node
@@ -108,7 +108,7 @@ def event(
 
 
 def _wait_for_subscribers(node: Any, publisher: Any, topic: str, wait_s: float) -> list[str]:
-    """Return the names of the subscribers when all of them have the latched event."""
+    """Wait until all subscribers have received the event; return their names."""
     from rclpy.duration import Duration
 
     known, changed_s = 0, time.monotonic()

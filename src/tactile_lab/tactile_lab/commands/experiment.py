@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 
 LEAST_TO_TRAIN = 3
-"""Smallest number of trials of a contact that must remain when some are held out, because a
-classifier with three neighbours needs three trials."""
+"""Smallest number of training trials per contact that must remain in each fold, because the
+classifier of three nearest neighbours needs three trials."""
 
 LEAST_FOR_UNKNOWN = 19
-"""Smallest number of trials of a contact with which a false rejection rate of 5 % can be kept."""
+"""Smallest number of trials per contact for a false rejection rate of 5 %."""
 
 
 class RunByDefault(WholeNames, TyperGroup):
@@ -52,9 +52,9 @@ experiment = typer.Typer(
 
 FolderArgument = Annotated[Path, typer.Argument(exists=True, help='Folder of the experiment.')]
 TrialArgument = Annotated[
-    str, typer.Argument(help='Trial, as in `status` and the journal: grooves-s01-m03-t02.')
+    str, typer.Argument(help='Trial id, as printed by `status`: grooves-s01-m03-t02.')
 ]
-WhyOption = Annotated[str, typer.Option('--why', help='Reason, for the journal.')]
+WhyOption = Annotated[str, typer.Option('--why', help='Reason, which is written to the journal.')]
 
 
 @experiment.command()
@@ -62,18 +62,23 @@ def run(
     plan: Annotated[
         Path,
         typer.Argument(
-            exists=True, help='Plan, as written by `tactile experiment new`, or the folder.'
+            exists=True,
+            help='Plan, as written by `tactile experiment new`, or the folder of an experiment.',
         ),
     ],
     folder: Annotated[
         Optional[Path],
-        typer.Option('--output', '-o', help="Folder. Default: the plan's name without .yaml."),
+        typer.Option(
+            '--output',
+            '-o',
+            help="Folder of the experiment. Default: the plan's name without .yaml.",
+        ),
     ] = None,
     append: Annotated[
         str,
         typer.Option(
-            help='Append a block to this session: each object once more, in each contact. If the '
-            'session has an unfinished appended block, that block is continued instead.'
+            help='Append a block to this session: one more mounting of each object in each '
+            'contact. If an earlier appended block is unfinished, it is continued instead.'
         ),
     ] = '',
     models: options.ModelOption = None,
@@ -82,16 +87,16 @@ def run(
         bool,
         typer.Option(
             '--yes',
-            help='Ask no questions, on the simulated rig: failed trials are repeated, up to three '
-            'times; outliers are kept and marked.',
+            help='Only for the simulated rig: ask no questions. Failed trials are repeated, and '
+            'the experiment ends after three failures in a row. Outliers are kept and marked.',
         ),
     ] = False,
     accept_setup: Annotated[
         bool,
         typer.Option(
             '--accept-setup',
-            help='Continue with another set-up (parameters, calibration, devices) than at the '
-            'last start. The journal contains the changes.',
+            help='Continue although the set-up (parameters, calibration, devices) has changed '
+            'since the last start. The changes are written to the journal.',
         ),
     ] = False,
     watch: options.WatchOption = False,
@@ -100,14 +105,14 @@ def run(
 ) -> None:
     """Start or continue an experiment: prompts, trials, and one line about each trial.
 
-    The order is random within blocks, and drawn before the first trial (`order.csv`). Each call
-    records one bag per session. The command prompts for the plate to put under the finger; each
-    prompt starts a new mounting. If a trial has failed, or differs from earlier trials of its
-    object, you can repeat it immediately. After an interruption (Ctrl-C, a crash), the same
-    command continues the experiment. No trial is lost, and none is counted twice.
+    Before the first trial, the order of the trials is drawn at random within blocks and written to
+    `order.csv`. Each call records one bag per session. The command prompts for the plate to put
+    under the finger; each prompt starts a new mounting. If a trial has failed, or differs from
+    earlier trials of its object, you can repeat it immediately. After an interruption (Ctrl-C, a
+    crash), the same command continues the experiment. No trial is lost, and none is counted twice.
 
-    `tactile train` and `tactile evaluate` accept the folder. `sessions` of a plan may be increased
-    later.
+    `tactile train` and `tactile evaluate` accept the folder. You may increase `sessions` in the
+    plan later.
     """
     from tactile_bags.experiment_journal import is_experiment
     from tactile_lab.experiment.folder import ExperimentFolder
@@ -133,8 +138,8 @@ def run(
     operator = (NonInteractive if yes else Terminal)(output, accept_setup)
     ended: str | None = 'interrupted'
     is_error = False
-    # The order changes only while the journal is locked. A block is appended when the rig
-    # runs, so that a refused call appends nothing.
+    # The order is changed only while the journal is locked. A block is appended only once the rig
+    # runs, so that a call that fails earlier does not change the order.
     with home.open_journal() as journal:
         home.set_up(planned)
         block = _draw_block(home, append, output) if append else []
@@ -161,9 +166,9 @@ def run(
 def _restate(
     given: options.RigOptions, *, models: Optional[Path], yes: bool, watch: bool, seed: int
 ) -> str:
-    """Return the options that continue on the same rig, quoted for a shell.
+    """Return the options of a command that continues on the same rig, quoted for a shell.
 
-    ``--append`` and ``--accept-setup`` are not included, because they apply to one call only.
+    ``--append`` and ``--accept-setup`` are omitted, because they apply to a single call.
     """
     stated = {each.name: getattr(given, each.name) for each in fields(given)}
     stated |= {'models': models, 'yes': yes, 'watch': watch, 'seed': '' if seed == 1 else seed}
@@ -192,7 +197,10 @@ def _make_request(plan: 'ExperimentPlan', order: 'TrialOrder') -> 'TrialRequest'
 
 
 def _number(plan: 'ExperimentPlan', order: 'TrialOrder') -> tuple[int, int, int]:
-    """Return session, mounting and trial numbers, which select the simulated rig's deviations."""
+    """Return the numbers of session, mounting and trial.
+
+    They select the random deviations of the simulated rig.
+    """
     session = plan.session_ids.index(order.planned.session_id)
     return session, order.mounting_number, order.number_in_mounting
 
@@ -200,9 +208,14 @@ def _number(plan: 'ExperimentPlan', order: 'TrialOrder') -> tuple[int, int, int]
 def _draw_block(
     folder: 'ExperimentFolder', session_id: str, output: Output
 ) -> list['PlannedTrial']:
-    """Return the block to append; empty if an appended block of the session is unfinished."""
+    """Return the trials of the block to append.
+
+    The list is empty if the session has an appended block that is unfinished and is continued.
+    """
     if left := folder.appended_left(session_id):
-        output.say(f'{session_id}: continuing the appended block, trials left: {left}')
+        output.say(
+            f'{session_id}: continuing the block that was appended earlier, trials left: {left}'
+        )
         return []
     return folder.draw_block(session_id)
 
@@ -217,16 +230,18 @@ def new(
         str, typer.Option(**options.choice('texture', 'stiffness'), help='Kind of trial.')
     ] = 'texture',
     contacts: Annotated[str, typer.Option(help='flexion, abduction, or both.')] = 'flexion',
-    sessions: Annotated[int, typer.Option(help='Sessions, each a new set-up of the rig.')] = 3,
+    sessions: Annotated[
+        int, typer.Option(help='Number of sessions; the rig is set up again for each.')
+    ] = 3,
     mountings: Annotated[
         int, typer.Option(help='Mountings of each object in each session and contact.')
     ] = 2,
-    trials: Annotated[int, typer.Option(help='Trials in each mounting.')] = 5,
+    trials: Annotated[int, typer.Option(help='Number of trials in each mounting.')] = 5,
     specimens: Annotated[
         int,
         typer.Option(
-            help='Plates or objects of each label; mountings alternate between them, so that an '
-            'evaluation can hold out one specimen: tactile evaluate --group specimen.'
+            help='Number of plates or objects of each label. Mountings alternate between them, so '
+            'that an evaluation can hold out one specimen: tactile evaluate --group specimen.'
         ),
     ] = 1,
     seed: options.SeedOption = 1,
@@ -235,9 +250,9 @@ def new(
 ) -> None:
     """Write the plan of an experiment, as YAML with comments.
 
-    Plan several sessions, if possible on several days, and several mountings in each. With these,
-    a model learns the object instead of the day. With a single session, the accuracy in a new
-    session is unknown.
+    Plan several sessions, if possible on several days, and several mountings in each session.
+    Otherwise, a model may learn the day instead of the object. With a single session, the accuracy
+    in a new session cannot be estimated.
     """
     from tactile_lab.experiment.plan import ExperimentPlan, format_plan, list_order
 
@@ -273,21 +288,23 @@ def new(
         f'{", ".join(first[:3])}'
     )
     if unknown:
-        output.say(f'{", ".join(unknown)}: only for your rig; the simulated rig has no such label')
+        output.say(
+            f'{", ".join(unknown)}: only for a real rig; the simulated rig has no such object'
+        )
     output.say(_describe_training(plan), f'Run it: tactile experiment {shlex.quote(str(path))}')
     output.result({'path': str(path), 'trials': plan.trial_count, 'plan': asdict(plan)})
 
 
 def _describe_training(plan: 'ExperimentPlan') -> str:
-    """Return how many trials training needs, and whether the plan has them."""
+    """Return sentences: how many trials training needs, and whether the plan has enough."""
     in_contact = plan.trial_count // len(plan.contacts)
     per_session = in_contact // plan.sessions
     held_out, what = (per_session, 'session') if plan.sessions > 1 else (1, 'trial')
     left = in_contact - held_out
     text = (
         f'Training trials: {in_contact} in each contact, {left} if a {what} is held out. At '
-        f'least {LEAST_TO_TRAIN} trials must remain, and at least 2 objects are needed. A model '
-        f'that also answers unknown needs {LEAST_FOR_UNKNOWN} trials in each contact'
+        f'least {LEAST_TO_TRAIN} trials must remain, and at least 2 objects are needed. To detect '
+        f'unknown objects, a model needs {LEAST_FOR_UNKNOWN} trials in each contact'
     )
     lacks = []
     if len(plan.objects) < 2:
@@ -295,12 +312,15 @@ def _describe_training(plan: 'ExperimentPlan') -> str:
     if left < LEAST_TO_TRAIN:
         lacks.append('too few trials, raise --trials, --mountings or --sessions')
     if plan.sessions < 2:
-        lacks.append('with one session, the accuracy in a new session stays unknown')
+        lacks.append('with one session, the accuracy in a new session cannot be estimated')
     return '; '.join([text, *lacks])
 
 
 def _check_labels(plan: 'ExperimentPlan') -> list[str]:
-    """Return labels that the simulated rig does not have; refuse labels of other protocols."""
+    """Return the labels that the simulated rig does not have.
+
+    Raises `TactileError` when a label belongs to objects of another protocol.
+    """
     from tactile_bringup.trial_protocols import PROTOCOLS
     from tactile_sim.descriptions.catalogue import list_objects
 
@@ -309,8 +329,8 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
     for other, labels in known.items():
         if wrong := [label for label in plan.objects if label in labels and label not in own]:
             raise TactileError(
-                f'{", ".join(wrong)} is for {other} trials; {plan.protocol} trials have '
-                f'{", ".join(own)} or your own labels. For {other} trials: --protocol {other}'
+                f'{", ".join(wrong)} is for {other} trials. Give --protocol {other}, or for '
+                f'{plan.protocol} trials {", ".join(own)} or your own labels'
             )
     return [label for label in plan.objects if label not in own]
 
@@ -325,7 +345,8 @@ def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
     progress = home.read_progress()
     planned = {trial.key: trial for trial in progress.order}
     columns = ('trial', 'object', 'contact', 'session', 'verdict')
-    table = Table(*columns, spare=['session', 'contact'])  # the id of a trial has its session
+    # The session is also part of the trial id, so its column may be hidden.
+    table = Table(*columns, spare=['session', 'contact'])
     for attempt in progress.attempts.values():
         trial = planned[attempt.key]
         verdict = 'excluded' if attempt.excluded is not None else attempt.verdict or 'not known'
@@ -346,7 +367,7 @@ def relabel(
 ) -> None:
     """Correct the label of a recorded trial.
 
-    Writes an entry to the journal. The bags do not change; every command that reads the
+    The correction is written to the journal; the bags do not change. Every command that reads the
     folder or its bags uses the new label.
     """
     from tactile_lab.experiment.journal import RELABELLED
@@ -355,8 +376,8 @@ def relabel(
     objects = home.read_plan().objects
     if label not in objects:
         raise TactileError(
-            f'"{label}" is not an object of the experiment: {", ".join(objects)}; to exclude '
-            f'the trial: tactile experiment exclude {folder} {trial} --why ...'
+            f'"{label}" is not an object of this experiment, which has {", ".join(objects)}. To '
+            f'exclude the trial: tactile experiment exclude {folder} {trial} --why ...'
         )
     _correct(home, trial, RELABELLED, f'relabelled {label}', as_json, label=label, why=why)
 
@@ -370,8 +391,8 @@ def exclude(
 ) -> None:
     """Exclude a recorded trial from training and evaluation.
 
-    Writes an entry to the journal; the bags do not change. The trial is not recorded again. To
-    record more trials, append a block to a session with ``--append``.
+    The exclusion is written to the journal; the bags do not change. The trial is not recorded
+    again. To record more trials, append a block to a session with ``--append``.
     """
     from tactile_lab.experiment.journal import EXCLUDED
 
@@ -385,7 +406,7 @@ def include(
     why: WhyOption,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Include a recorded trial that was excluded."""
+    """Undo the exclusion of a recorded trial."""
     from tactile_lab.experiment.journal import INCLUDED
 
     _correct(_find_folder(folder), trial, INCLUDED, 'included', as_json, why=why)
@@ -418,9 +439,10 @@ def _summarise(
     is_error: bool = False,
     again: str = '',
 ) -> None:
-    """Print the recorded trials, why the command ended (except errors), and the next step.
+    """Print the number of recorded trials, the corrections, and the command to run next.
 
-    ``again`` are the options to continue with.
+    ``ended`` is the reason why the command has ended; it is not printed if ``is_error`` is True,
+    because the error is printed, too. ``again`` are the options for the command that continues.
     """
     progress = folder.read_progress()
     found = progress.to_dict()
@@ -439,9 +461,9 @@ def _summarise(
     output.say(f'{folder.path}: {"; ".join(parts)}')
     for attempt in progress.attempts.values():
         if attempt.label is not None:
-            output.say(f'   {attempt.trial_id} is {attempt.label}: {attempt.why}')
+            output.say(f'   {attempt.trial_id} was relabelled {attempt.label}: {attempt.why}')
         if attempt.excluded is not None:
-            output.say(f'   {attempt.trial_id} is excluded: {attempt.excluded}')
+            output.say(f'   {attempt.trial_id} was excluded: {attempt.excluded}')
     if ended and not is_error and found['sessions_left']:
         output.say(f'Ended: {ended}')
     if found['sessions_left']:

@@ -48,10 +48,11 @@ def export(
 ) -> None:
     """Write the trials of recordings as one long table, with a dataset card beside it.
 
-    One row per sample: trial, label, session_id, mounting_id, time_s, one column per channel, and
-    other known properties of the trial. Units are in the metadata of Parquet columns. The card is
-    Markdown with the fields that dataset hubs read; add the licence yourself. `tactile import`
-    reads the table. Excluded trials are not written.
+    The table has one row per sample, with the columns trial, label, session_id, mounting_id,
+    time_s, one column per channel, and other known properties of the trial. In Parquet, units are
+    in the metadata of the columns. The card is a Markdown file with the header that dataset hubs
+    read; add the licence yourself. `tactile import` reads the table. Excluded trials are not
+    written.
     """
     from tactile_analysis import TrialSet
 
@@ -64,7 +65,7 @@ def export(
         counting = [trial for trial in recording.trials if not trial.why_not]
         left_out = [f'{t.name}: {t.why_not}' for t in recording.trials if t.why_not]
         text = format_card(file, recording, counting, table)
-        notes = [*recording.notes, *(f'left out: {sentence}' for sentence in left_out)]
+        notes = [*recording.notes, *(f'excluded: {sentence}' for sentence in left_out)]
     write_table(table, file)
     with named_errors('write', card):
         card.write_text(text, 'utf-8')
@@ -138,7 +139,7 @@ def format_card(file: Path, recording: 'TrialSet', trials: 'Sequence[Trial]', ta
 
 
 def _stated(recording: 'TrialSet') -> str:
-    """Return entries of the metadata of the bags as text, without paths."""
+    """Return the metadata of the bags as text, except entries that contain a path."""
     found = {
         f'{name}: {value}'
         for bag in recording.bags

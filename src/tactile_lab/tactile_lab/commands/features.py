@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tactile_classifier.datasets.dataset import FeatureTable
 
 KEY = b'tactile'
-"""Key of the schema's metadata with the specification of the features, as JSON."""
+"""Key in the metadata of a Parquet file, whose value is the feature specification as JSON."""
 
 
 def features(
@@ -34,8 +34,8 @@ def features(
     group: Annotated[
         Optional[str],
         typer.Option(
-            help='Columns that form the column "group", separated by commas. Default: '
-            'mounting_id, if available.'
+            help='Columns, separated by commas, whose values are written to the column "group". '
+            'Default: mounting_id, if available.'
         ),
     ] = None,
     over: options.OverOption = None,
@@ -47,10 +47,10 @@ def features(
 ) -> None:
     """Write the features of recordings as a table, for notebooks and other programs.
 
-    One row per trial: source, trial, label, session, group, simulated, then one column per
-    feature. Units are in the metadata of Parquet columns, and in the names of CSV columns. If
-    there are several tasks or contacts, a file is written for each combination, and its name ends
-    with task and contact.
+    The table has one row per trial, with the columns source, trial, label, session, group,
+    simulated, and one column per feature. Units are in the metadata of Parquet columns, or in the
+    names of CSV columns. If there are several tasks or contacts, a file is written for each
+    combination; task and contact are appended to its name.
     """
     import numpy as np
 
@@ -105,7 +105,7 @@ def features(
 
 
 def _columns(table: 'FeatureTable', group: Optional[str], source: str) -> dict[str, Any]:
-    """Return the properties of each trial: source, trial, label, session, group."""
+    """Return the columns before the features: source, trial, label, session, group, simulated."""
     import numpy as np
 
     known = table.columns
@@ -127,7 +127,10 @@ def _columns(table: 'FeatureTable', group: Optional[str], source: str) -> dict[s
 
 
 def _to_arrow(columns: dict[str, Any], table: 'FeatureTable', *, is_csv: bool) -> Any:
-    """Return all columns; units are in their metadata, and for CSV in their names."""
+    """Return an Arrow table of all columns.
+
+    Units of features are in the metadata, and if ``is_csv`` is True also in the column names.
+    """
     import pyarrow
 
     fields = [

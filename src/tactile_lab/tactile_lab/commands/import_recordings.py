@@ -36,7 +36,7 @@ def import_recordings(
         Optional[Path],
         typer.Option(
             metavar='FILE',
-            help='File for a figure of three trials, with their unit and the window from which '
+            help='Draw three trials to this file, with their unit and the window from which '
             'features are computed: .png, .svg or .pdf.',
         ),
     ] = None,
@@ -47,8 +47,8 @@ def import_recordings(
 ) -> None:
     """Convert recordings of other programs to one archive.
 
-    The output lists missing information, the columns that were used, and a command to evaluate the
-    archive. Nothing is guessed: if information is missing, the message names the option to add it.
+    The command prints which columns were used, and a command that evaluates the archive. Nothing
+    is guessed: if information is missing, the error names the option that provides it.
     """
     from tactile_analysis import TrialSet
     from tactile_analysis.sources.signals import join_columns
@@ -61,15 +61,16 @@ def import_recordings(
     with TrialSet.load(recordings, statements) as recording:
         if recording.is_own:
             raise TactileError(
-                f'{recording.paths[0]} is a bag with trial events: train, evaluate and features '
-                'read it directly; `tactile export` writes it for other programs'
+                f'{recording.paths[0]} is a bag with trial events and needs no import: `tactile '
+                'train`, `evaluate` and `features` read it directly, and `tactile export` '
+                'converts it for other programs'
             )
         trials = recording.even(skip_bad=skip_bad)
         if plot is not None:
             _draw(plot, trials)
     with named_errors('write', archive):
         trials.save(archive)
-    output.say(*trials.notes, *(f'left out: {sentence}' for sentence in trials.skipped))
+    output.say(*trials.notes, *(f'skipped: {sentence}' for sentence in trials.skipped))
     included, columns = trials.included, join_columns(trials.name_trials())
     labels = columns.pop('label').tolist()
     found = dict(sorted(Counter(labels).items()))
@@ -89,8 +90,8 @@ def import_recordings(
         output.say(f'{plot}: {min(DRAWN, len(included))} trials')
     if channels > 1:
         output.say(
-            f'features use channel {names[0]}; not used: '
-            f'{", ".join(names[1:])}; --channel NAME, mean or all selects others'
+            f'features are computed from channel {names[0]}; other channels '
+            f'({", ".join(names[1:])}) are selected with --channel NAME, mean or all'
         )
     command, *remarks = next_command(archive, columns, labels)
     output.say(*remarks, f'next: {command}')
@@ -114,7 +115,10 @@ def import_recordings(
 
 
 def next_command(archive: Path, columns: Mapping[str, Any], labels: Sequence[str]) -> list[str]:
-    """Return the command that evaluates an archive with groups held out, then remarks on it."""
+    """Return a command that evaluates the archive, followed by remarks about the command.
+
+    The command holds out groups of trials if a column has the name of a group, such as session.
+    """
     from tactile_analysis.sources.files import find_group_word, GROUP_WORDS
 
     command = f'tactile evaluate {archive} --task texture (or stiffness)'
@@ -122,27 +126,39 @@ def next_command(archive: Path, columns: Mapping[str, Any], labels: Sequence[str
     named = sorted(filter(words.get, words), key=lambda name: GROUP_WORDS.index(words[name]))
     groups = [name for name in named if _can_hold_out(columns[name], labels)]
     remarks = [
-        f'column {name} cannot be held out: all trials of some label have the same {name}'
+        f'groups of column {name} cannot be held out, because some label has only one {name}'
         for name in named
         if name not in groups and len(set(columns[name].tolist())) > 1
     ]
     if groups[1:]:
         options = ', '.join(f'--group {name}' for name in groups[1:])
-        remarks.append(f'in addition to --group {groups[0]}, or instead of it: {options}')
+        remarks.append(f'other groups can be held out in addition or instead: {options}')
     if groups:
         return [f'{command} --group {groups[0]}', *remarks]
-    text = 'no column is named like sessions, days, subjects or specimens'
+    text = 'no column has a name such as session, day, subject or specimen'
     others = [
         name for name in columns if name not in named and _can_hold_out(columns[name], labels)
     ]
     if others:
         names = ' or '.join(others[:SHOWN_GROUPS])
-        return [command, *remarks, f'{text}; does one divide the trials: --group {names}?']
-    return [command, *remarks, f'{text}: random folds only, which are optimistic']
+        return [
+            command,
+            *remarks,
+            f'{text}; if a column contains groups of trials, hold them out: --group {names}',
+        ]
+    return [
+        command,
+        *remarks,
+        f'{text}, so only random folds are possible, and their accuracy is optimistic',
+    ]
 
 
 def _can_hold_out(column: Any, labels: Sequence[str]) -> bool:
-    """Return True if each label is in two or more groups, of two or more trials on average."""
+    """Return True if whole groups of trials with equal values in a column can be held out.
+
+    This requires that each label occurs in at least two groups, and that groups have at least two
+    trials on average.
+    """
     groups: dict[str, set[Any]] = {}
     for label, group in zip(labels, column.tolist(), strict=True):
         groups.setdefault(label, set()).add(group)

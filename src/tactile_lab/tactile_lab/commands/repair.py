@@ -22,10 +22,10 @@ def repair(
 ) -> None:
     """Write a closed copy of a bag whose recorder was killed.
 
-    Every other command reads such a bag, and prints a warning. Other programs may need the index
-    at the end of the copy. The copy contains the same messages, byte for byte, and names its
-    source. The bag itself is not changed. Exits with 1 when the bag is
-    damaged; the copy then contains the readable messages.
+    Our other commands read a bag that was not closed, and print a warning. Other programs may need
+    the index that the copy has at its end. The copy contains the same messages, byte for byte, and
+    the name of the original bag. The original is not changed. If the bag is damaged, the copy
+    contains the readable messages, and the exit code is 1.
     """
     from tactile_bags.audit import audit_bag, summarise_audits
     from tactile_bags.bag_repair import repair_bag
@@ -40,7 +40,7 @@ def repair(
     output.say(f'{target}: {repaired.message_count} messages')
     try:
         audits = audit_bag(target)
-    except BagError as error:  # a damaged message is copied without decoding it
+    except BagError as error:  # a message that cannot be decoded was copied, too
         if not repaired.damage:
             raise
         audits = []

@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 POLL_S = 0.1
 LINGER_S = 3.0
-"""Time that the page stays open after a recording has been played [s]."""
+"""Time for which the live page stays open after the recording has been played [s]."""
 
 
 class NoFeaturesError(TactileError):
-    """A recording has no features to compare with."""
+    """A recording has no features, so a replay has nothing to compare with."""
 
 
 @dataclass(frozen=True)
 class ReplayReport:
     """Comparisons of the recording of one finger with its replays.
 
-    The keys of ``comparisons`` name the two compared results. The comparisons are from the first
-    replay that differs, or from the last one. ``audits`` has an audit of each trial, then one of
-    the whole recording.
+    The keys of ``comparisons`` name the two compared results, such as "plain core and nodes". If a
+    replay differs, the comparisons are those of the first such replay, otherwise of the last
+    replay. ``audits`` has an audit of each trial, then one of the whole recording.
     """
 
     namespace: str
@@ -72,7 +72,11 @@ def replay(
         ),
     ] = None,
     nodes: Annotated[
-        bool, typer.Option(help='Replay through real nodes as well as through the plain core.')
+        bool,
+        typer.Option(
+            help='Also replay through ROS nodes, not only through the same code without nodes '
+            '(the plain core).'
+        ),
     ] = True,
     times: Annotated[
         int,
@@ -85,9 +89,10 @@ def replay(
 ) -> None:
     """Run a recording through features and classification again, and compare.
 
-    Prints *equal*, or the first difference from the recorded results. If there is a difference,
-    the exit code is 1. Also reports whether samples of the recording are missing, duplicate or out
-    of order. With ``--watch``, the recording is first played in real time on a live page.
+    Prints *equal*, or the first difference between the recorded results and the replay. If there
+    is a difference, the exit code is 1. Also prints whether samples of the recording are missing,
+    duplicate or out of order. With ``--watch``, the recording is first played in real time on a
+    live page.
     """
     output = Output(as_json)
     bags = _list_bags(bag)
@@ -114,18 +119,21 @@ def replay(
 
 
 def _list_bags(path: Path) -> list[Path]:
-    """Return the bags of an experiment's folder that contain trials, or the bag itself."""
+    """Return the bags with trials in the folder of an experiment; for a bag, the bag itself."""
     from tactile_analysis.trial_set import TrialSet
     from tactile_bags.experiment_journal import is_experiment
 
     if not is_experiment(path):
         return [path]
-    with TrialSet.load(path) as recording:  # without runs that ended before their first trial
+    with TrialSet.load(path) as recording:  # has only bags with trials
         return [bag.path for bag in recording.bags]
 
 
 def play_and_watch(path: Path, models: Optional[Path], output: Output) -> None:
-    """Play a bag in real time through new nodes, on a separate ROS domain, on a live page."""
+    """Play a bag in real time, and show it on a live page.
+
+    New nodes on a separate ROS domain classify the played samples.
+    """
     from contextlib import ExitStack
     import tempfile
     import time
@@ -157,7 +165,7 @@ def play_and_watch(path: Path, models: Optional[Path], output: Output) -> None:
 
 
 def replay_graph(path: Path, models: Optional[Path], scratch: Path) -> 'list[NodeDescription]':
-    """Return the nodes that classify a recording in real time, and its player."""
+    """Return the nodes that play a recording in real time and classify it."""
     from tactile_bags import TactileBag
     from tactile_bags.recorded_setup import recorded_features
     from tactile_bringup.launch_config.graph import (
@@ -200,9 +208,11 @@ def print_report(report: ReplayReport, output: Output) -> None:
 def replay_and_compare(
     path: Path, models: Optional[Path], *, through_nodes: bool, times: int = 1
 ) -> list[ReplayReport]:
-    """Replay a bag through the core, and through nodes, and compare with the recording.
+    """Replay a bag, and compare the results with the recorded ones.
 
-    ``models`` is a folder of model files, or one file; None for the models of the recording.
+    The bag is replayed through the plain core, and if ``through_nodes`` is True also through
+    nodes. ``models`` is a folder of model files, or one file; None selects the models that were
+    used during the recording. Returns a report for each finger.
     """
     import tempfile
 
@@ -291,6 +301,6 @@ def _check_has_features(bag: 'RecordedBag', recorded: 'TactileResults') -> None:
         return
     raise NoFeaturesError(
         f'{bag.path} contains no features, so a replay has nothing to compare with. '
-        'No trial ended during the recording, or the recording was made without nodes '
-        '(tactile simulate). tactile train and tactile evaluate can use it anyway'
+        'No trial ended during the recording, or the bag was written by tactile simulate. '
+        'tactile train and tactile evaluate can use it anyway'
     )

@@ -19,9 +19,9 @@ def rig(
 ) -> None:
     """Run all nodes of the rig in this process until Ctrl-C; print each classification.
 
-    Starts sensor, guide, tendon, trial runner, features and, if models are given, a classifier.
-    Another program starts trials with the action ``trial_runner/run_trial``. `tactile trials` runs
-    trials without another program.
+    Starts the nodes of sensor, guide, tendon, trial runner and features, and a classifier if
+    models are given. Another program starts the trials, with the action
+    ``trial_runner/run_trial``. `tactile trials` runs trials without another program.
     """
     from tactile_bringup.launch_config.graph import ModelChoice, recorder_node, rig_graph
     from tactile_lab.running import open_ports, read_rig_parameters, run_nodes

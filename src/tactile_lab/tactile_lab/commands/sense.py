@@ -17,7 +17,7 @@ PHASES = ('stated', 'texture', 'stiffness')
 
 @dataclass(frozen=True)
 class FingerOptions:
-    """Options of both commands."""
+    """Options of `tactile sense` and `tactile hand`."""
 
     sensor_topic: options.SensorTopicOption = ''
     models: options.ModelOption = None
@@ -25,8 +25,8 @@ class FingerOptions:
         str,
         typer.Option(
             **options.choice('', *PHASES),
-            help='Source of the phases: stated by trial events, or detected in the tension of '
-            'texture or stiffness trials. Default: as in the parameter file, or stated.',
+            help='Source of the phases. stated: trial events; texture or stiffness: detection in '
+            'the tension of trials of this kind. Default: as in the parameter file, or stated.',
             show_default=False,
         ),
     ] = ''
@@ -35,7 +35,7 @@ class FingerOptions:
         typer.Option(
             '--contact',
             **options.choice('', 'flexion', 'abduction'),
-            help='How the finger touches, if the phases are detected in the tension. Default: not '
+            help='Contact of the finger, if the phases are detected in the tension. Default: not '
             'known.',
             show_default=False,
         ),
@@ -54,10 +54,10 @@ OF_BOTH = FingerOptions()
 def sense(sensor: options.SensorOption = '', stated: FingerOptions = OF_BOTH) -> None:
     """Run the nodes of one finger that another program moves, in this process until Ctrl-C.
 
-    Starts sensor, features and classifier, like ``ros2 launch tactile_bringup sense.launch.py``.
-    Prints a line for each classification. The program that moves the finger publishes
-    trial events on ``trial_runner/events``. With ``--phases`` the phases are detected in the
-    tension instead.
+    Starts the nodes of sensor, features and classifier, like
+    ``ros2 launch tactile_bringup sense.launch.py``. Prints a line for each classification. The
+    program that moves the finger must publish trial events on ``trial_runner/events``. With
+    ``--phases``, the phases are detected in the tension instead.
     """
     run_fingers(None, sensor=sensor, **vars(stated))
 
@@ -74,10 +74,11 @@ def hand(
 ) -> None:
     """Run the nodes of any number of fingers, in this process until Ctrl-C.
 
-    Runs the nodes of `tactile sense` for each finger, in a namespace with the finger's name, like
-    ``ros2 launch tactile_bringup hand.launch.py``. Parameters that differ between fingers (port or
-    topic, models, phases) are in the ROS parameter file ``--params``, in
-    blocks for the nodes of each finger. ``--record`` makes one bag per finger.
+    Runs the nodes of `tactile sense` for each finger, like
+    ``ros2 launch tactile_bringup hand.launch.py``. The namespace of the nodes is the name of the
+    finger. Parameters that differ between fingers (port or topic, models, phases) are in the ROS
+    parameter file ``--params``, which has a block for each node of each finger. ``--record`` makes
+    one bag per finger.
     """
     run_fingers(fingers, **vars(stated))
 
@@ -98,11 +99,11 @@ def run_fingers(
     Parameters
     ----------
     fingers : str or None
-        Names separated by commas; None for a single finger without a name.
+        Names of the fingers, separated by commas; None for a single finger without a namespace.
     simulated : bool
         Start a simulated sensor for each finger without a port.
     choices : dict
-        Parameters of `hand_graph`.
+        Further arguments of `hand_graph`.
     """
     import tempfile
 

@@ -20,17 +20,18 @@ if TYPE_CHECKING:
     from tactile_bags import RecordedBag, Trial
 
 SPARE = ('simulated', 'mounting', 'ended', 'finger', 'contact', 'session', 'task', 'seconds')
-"""Columns of our own trials that are hidden on a narrow terminal, the least important first."""
+"""Columns of bags that are hidden on a narrow terminal, the least important first."""
 
 SHOWN = 20
-"""Number of trials in the terminal's table; JSON has all."""
+"""Number of trials in the table on the terminal; ``--json`` prints all."""
 
 
 class Contents(NamedTuple):
     """Contents of a recording or a model.
 
-    ``facts`` describe the recording or model as a whole. All ``trials`` have the same keys; a
-    model has no trials. ``details`` are only for JSON.
+    ``facts`` are properties of the whole recording or model. ``trials`` has a dictionary for each
+    trial, all with the same keys; for a model it is empty. ``details`` are printed only with
+    ``--json``.
     """
 
     kind: str
@@ -45,7 +46,7 @@ def show(
         typer.Argument(
             exists=True,
             help='A bag, the folder of an experiment, a model file (.npz), an archive (.npz), or '
-            'any other recording that states its rate and columns.',
+            'another recording whose files state rate and columns.',
         ),
     ],
     plot: Annotated[
@@ -56,8 +57,9 @@ def show(
         Optional[int],
         typer.Option(
             min=1,
-            help='Trial to draw, from 1. Default: the first one; for an experiment all trials, '
-            'with one row per object, one colour per session, and excluded trials in grey.',
+            help='Number of the trial to draw; the first is 1. Default: the first trial; for an '
+            'experiment all trials, with one row per object, one colour per session, and excluded '
+            'trials in grey.',
         ),
     ] = None,
     topics: Annotated[
@@ -67,8 +69,8 @@ def show(
 ) -> None:
     """List the contents of a recording, a model file or an archive.
 
-    For a recording: its trials with label, session and length. For a model: its inputs,
-    training trials, accuracy on held-out trials, calibration error and limits.
+    For a recording, prints its trials with label, session and length. For a model, prints its
+    features, training trials, accuracy on held-out trials, calibration error and limits.
     """
     from tactile_features.model_container import is_model_file
 
@@ -108,7 +110,8 @@ def _open(path: Path) -> 'TrialSet':
             f'{inside[0]}'
         )
     (leaf, *more) = find_leaves([path])
-    if not more and leaf.kind is SourceKind.BAG and leaf.path == path:  # also a bag without trials
+    # TrialSet.load refuses a bag without trials.
+    if not more and leaf.kind is SourceKind.BAG and leaf.path == path:
         return TrialSet(OWN, path.name, [path], bags=[RecordedBag(path)])
     return TrialSet.load(path)
 
@@ -132,7 +135,7 @@ def describe_recording(recording: 'TrialSet') -> Contents:
     }
     topics: dict[str, Any] = {}
     if left_out := sum(bool(each.why_not) for each in recording.trials):
-        facts['do not count'] = str(left_out)
+        facts['excluded'] = str(left_out)
     for bag in recording.bags:
         for name, (kind, count) in bag.topics.items():
             known = topics.setdefault(name, {'type': kind, 'messages': 0})
@@ -147,7 +150,10 @@ def describe_recording(recording: 'TrialSet') -> Contents:
 
 
 def _describe_duration(bags: 'Sequence[RecordedBag]') -> dict[str, Cell]:
-    """Return the time from the first to the last message of bags; nothing without bags."""
+    """Return the total duration of the bags as an entry of `Contents.facts`; empty without bags.
+
+    The duration of a bag is the time from its first to its last message.
+    """
     duration_s = 0.0
     for bag in bags:
         if (first := next(iter(bag.messages()), None)) is not None:
@@ -213,7 +219,7 @@ def _describe_archive(recording: 'TrialSet') -> Contents:
 
 
 def describe_card(path: Path) -> Contents:
-    """Return the card of a model file, and its facts."""
+    """Return the contents of a model file, with its model card."""
     from tactile_classifier.model_file.manifest import list_facts, list_limits
     from tactile_classifier.model_file.model import load_model
 
@@ -228,7 +234,7 @@ def describe_card(path: Path) -> Contents:
 
 
 def _draw(plot: Path, path: Path, recording: 'TrialSet', trial: Optional[int]) -> str:
-    """Draw one trial, or all trials of an experiment; return what was drawn."""
+    """Draw one trial, or all trials of an experiment; return a text such as ``trial 1``."""
     from tactile_analysis.plots import plot_all_trials, plot_signals, plot_strain
     from tactile_bags.experiment_journal import is_experiment
 
@@ -270,7 +276,7 @@ def _print(path: Path, contents: Contents, output: Output, *, with_topics: bool 
     if not contents.trials:
         return
     shown, same = _split_columns(contents.trials)
-    # Columns that an archive brings along are hidden first, beginning with the last one.
+    # Further columns of an archive are hidden first, beginning with the last one.
     own = ('trial', 'label', 'object', 'seconds', 'excluded', 'trial_id')
     spare = [name for name in SPARE if name in shown]
     spare = [*reversed([name for name in shown if name not in (*own, *SPARE)]), *spare]
@@ -285,7 +291,7 @@ def _print(path: Path, contents: Contents, output: Output, *, with_topics: bool 
 
 
 def _split_columns(trials: Sequence[dict[str, Any]]) -> tuple[list[str], str]:
-    """Return the columns of the terminal's table, and values that all trials have in common."""
+    """Return the columns to print, and the values that all trials have in common as text."""
     names = list(trials[0])
     values = {name: {_format_value(entry[name]) for entry in trials} for name in names}
     same = {name: found.pop() for name, found in values.items() if len(found) == 1}

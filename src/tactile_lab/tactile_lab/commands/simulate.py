@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CROSSED = 'crossed'
 AS_PUBLISHED = 'as-published'
 SESSIONS = 6
-"""Number of sessions of the crossed design; the threshold for unknown objects needs several."""
+"""Number of sessions of the design `CROSSED`. The threshold for unknown objects needs several."""
 
 ALL_TRIALS = 60
 """Number of trials on each plate in the paper (section III.A)."""
@@ -54,9 +54,9 @@ def simulate(
         typer.Option(
             min=1,
             max=1000,
-            help='Number of sessions: trials of one session share the set-up of finger and rig, '
-            'and the temperature. A model needs several to distinguish unknown objects from new '
-            'sessions. Default: 6; as-published has 1.',
+            help='Number of sessions. Trials of one session share the set-up of finger and rig, '
+            'and the temperature. With several sessions, a model can distinguish unknown objects '
+            'from new sessions. Default: 6; for as-published 1.',
         ),
     ] = None,
     design: Annotated[
@@ -64,8 +64,8 @@ def simulate(
         typer.Option(
             **options.choice(CROSSED, AS_PUBLISHED),
             help='crossed: the plate or object is mounted again before each trial. as-published: '
-            'it is mounted once for all its trials in one session, so that label and mounting '
-            'coincide.',
+            'as in the paper, it is mounted once for all of its trials, in one session, so that '
+            'label and mounting coincide.',
         ),
     ] = CROSSED,
     speed: Annotated[
@@ -73,8 +73,8 @@ def simulate(
         typer.Option(
             min=1,
             max=200,
-            help='Sliding speed over the plate in mm/s; give it several times for one bag per '
-            'speed. Default: 15.',
+            help='Sliding speed over the plate in mm/s. May be repeated; one bag per speed is '
+            'written. Default: 15.',
         ),
     ] = None,
     seed: options.SeedOption = 1,
@@ -86,22 +86,22 @@ def simulate(
     """Make bags of **simulated** trials, without waiting in real time.
 
     Writes one bag for each contact. A bag contains the given number of trials on each plate or
-    object in each session. The bags contain the same messages as live recordings, marked as
+    object in each session. The messages are the same as in live recordings, but marked as
     simulated. With the same version of NumPy, the same seed gives the same bytes, for any number
     of processes.
 
-    Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
-    the bag up to that time, end as aborted, and give no features.
+    If the simulator finds no equilibrium in a trial, the trial ends as aborted at that time, and
+    has no features. The exit code is then 3.
     """
     if jobs == 0:
-        raise TactileError('--jobs is 0; it must be a number of processes, or -1 for all cores')
+        raise TactileError('--jobs is 0; give a number of processes, or -1 for all cores')
     if speed and protocol != 'texture':
-        raise TactileError('--speed is for texture: only texture trials glide over a plate')
+        raise TactileError('--speed is only for texture trials; stiffness trials do not glide')
     is_published = design == AS_PUBLISHED
     if is_published and sessions not in (None, 1):
         raise TactileError(
-            f'--sessions is {sessions}, but --design {AS_PUBLISHED} has one session, '
-            f'because the paper states none; omit --sessions, or use --design {CROSSED}'
+            f'--sessions is {sessions}, but --design {AS_PUBLISHED} has one session, because '
+            f'the paper describes no sessions; omit --sessions, or use --design {CROSSED}'
         )
     sessions = sessions or (1 if is_published else SESSIONS)
     trials = trials or max(1, ALL_TRIALS // sessions)
@@ -161,9 +161,9 @@ def make_bags(
     catalogue: 'Catalogue | None' = None,
     jobs: int = -1,
 ) -> 'list[SimulatedBag]':
-    """Write the plans' bags with progress; print the trials that could not be computed.
+    """Write a bag for each plan, with a progress bar; print the aborted trials.
 
-    Nothing is simulated when one of the bags exists already.
+    Raises `BagError` before the simulation when one of the bags exists already.
     """
     from tactile_bags.errors import BagError
     from tactile_bringup.trial_protocols import TrialConfig
@@ -197,7 +197,7 @@ def make_bags(
         if bag.aborted:
             output.say(
                 f'{bag.path}: {len(bag.aborted)} of {bag.trials} trials ABORTED, because the '
-                'simulation found no equilibrium; they give no features'
+                'simulator found no equilibrium; they have no features'
             )
         output.say(*(f'   {trial_id} at {at_s:.3f} s' for trial_id, at_s in bag.aborted[:5]))
         if len(bag.aborted) > 5:

@@ -18,22 +18,26 @@ if TYPE_CHECKING:
 
 def trials(
     protocol: options.ProtocolArgument,
-    label: Annotated[str, typer.Option('--object', help='The plate or object under the finger.')],
-    bag: Annotated[Path, typer.Option('--output', '-o', help='Bag to record to; must not exist.')],
+    label: Annotated[
+        str, typer.Option('--object', help='Label of the plate or object under the finger.')
+    ],
+    bag: Annotated[
+        Path, typer.Option('--output', '-o', help='New bag for the recording; must not exist.')
+    ],
     contact: options.ContactOption = 'flexion',
     count: Annotated[int, typer.Option(min=1, max=10_000, help='Number of trials.')] = 1,
     session: Annotated[
         str,
         typer.Option(
-            help='Name of the session; an existing name continues that session. Part of the '
-            'names of the trials. Default: the time.'
+            help='Name of the session, which is part of the names of the trials. The name of an '
+            'existing session continues that session. Default: the current time.'
         ),
     ] = '',
     mounting: Annotated[
         str,
         typer.Option(
-            help='Name of the mounting; give another name each time you mount the plate or '
-            'object. Default: none.'
+            help='Name of the mounting. Give a new name each time you mount the plate or object. '
+            'Default: none.'
         ),
     ] = '',
     models: options.ModelOption = None,
@@ -44,20 +48,20 @@ def trials(
 ) -> None:
     """Run trials on one plate or object, one after the other, and record them.
 
-    Homes the guide, then repeats the protocol. With ``--models`` each trial is also classified.
-    `tactile train` accepts the bags of several such sessions. The simulated rig puts the
-    named plate or object under the finger. On a real rig, put it there before you run the
-    command. A failed trial is repeated once; a second failure ends the command.
+    Homes the guide, then runs the trials. With ``--models`` each trial is also classified. The
+    simulated rig puts the plate or object under the finger; on a real rig, put it there before you
+    run the command. A failed trial is repeated once; a second failure ends the command.
+    `tactile train` accepts the bags of several calls.
 
-    For several objects use `tactile experiment`: with one object per session, a model may learn
-    the session instead of the object.
+    For several objects use `tactile experiment`. If each session has only one object, a model may
+    learn the session instead of the object.
     """
     from tactile_bringup.trial_protocols import TrialRequest
     from tactile_lab.experiment.live_rig import open_rig, run_live_trials
 
     output = Output(as_json)
     started = time.strftime('%Y%m%d-%H%M%S')
-    # A continued session gets trial names that it does not have yet.
+    # In a continued session, the time of day makes the names of the new trials unique.
     joined = f'-{started[9:]}' if session else ''
     session = session or started
     name = f'{session}-{protocol}-{contact}-{label}{joined}'

@@ -14,8 +14,8 @@ def watch(
     host: Annotated[
         str,
         typer.Option(
-            help='Address to listen on. With another address than the default, everyone on the '
-            'network can see the page and press Stop: see docs/security.md.'
+            help='Address to listen on. If it is not the default, everyone on the network can see '
+            'the page and press Stop: see docs/security.md.'
         ),
     ] = '127.0.0.1',
     port: Annotated[
@@ -25,15 +25,16 @@ def watch(
 ) -> None:
     """Show every finger live in a browser, until Ctrl-C.
 
-    Run it along with `tactile rig`, `tactile sense`, `tactile hand` or any launch file: it finds
-    fingers by their topics on the same ROS domain. Those commands also accept ``--watch``, which
-    costs less than a separate process.
+    Run it along with `tactile rig`, `tactile sense`, `tactile hand` or any launch file. It finds
+    the fingers by their topics on the same ROS domain. These commands also accept ``--watch``,
+    which needs less memory and processor time than a separate process.
 
     For each finger the page shows the tension with the phases of the trial, the spectrum of the
-    window, the label with its probabilities or *unknown*, and the health of each
-    device with its remedy. Its buttons tare the sensor, home the guide and run a trial. They need
-    the token in the printed address. Without the token a page can only show and **stop**. Stop
-    does not replace the emergency stop of your rig.
+    window, the label with its probabilities or *unknown*, and the health of each device with a
+    remedy for each fault. Its buttons tare the sensor, home the guide and run a trial. They work
+    only if the page was opened with the complete printed address, which contains a token. Without
+    the token, the page only shows the fingers and can **stop** the rig. Stop does not replace the
+    emergency stop of your rig.
     """
     from tactile_bringup.nodes.graph_runner import ros_context  # rclpy
     from tactile_lab.running import say_address

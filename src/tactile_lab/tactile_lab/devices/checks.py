@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of sensor, guide and tendon; each problem is reported with its remedy."""
+"""Checks of sensor, guide and tendon actuator. Each problem is reported with its remedy."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tendon_sensor_driver.sensors import make_sensor
 from tendon_sensor_driver.types import SensorHealth
 
 MakeSensor = Callable[[TendonSensorConfig, OnBlock, NowNs], SensorClient]
-"""Returns the client of a sensor, as `make_sensor` does."""
+"""Function that creates the client of a sensor, such as `make_sensor`."""
 
 RATE_TOLERANCE = 0.02
 MOST_STAMP_ERROR_S = 0.005
@@ -54,15 +54,16 @@ _TOPIC_REMEDIES = {
     ),
     StrainStatus.STUCK: (
         'the value does not change',
-        'look at the publisher and its device; a coarse sensor needs stuck_s = 0',
+        'check the publisher and its device; a coarse sensor needs stuck_s = 0',
     ),
 }
 
 
 def make_config(node: str, stated: Mapping[str, Any]) -> Any:
-    """Return the configuration of a device's node; parameters that every node has are ignored.
+    """Return the configuration of a device's node from the parameters ``stated``.
 
-    Raises `TactileError` when a value is invalid.
+    Parameters without a field in the configuration, such as ``use_sim_time``, are ignored. Raises
+    `TactileError` when a value is invalid.
     """
     known = {field.name for field in fields(CONFIGS[node])}
     try:
@@ -74,7 +75,7 @@ def make_config(node: str, stated: Mapping[str, Any]) -> Any:
 def check_sensor(
     config: TendonSensorConfig, seconds: float, make: MakeSensor = make_sensor
 ) -> CheckReport:
-    """Read the sensor for a while and check its samples.
+    """Read the sensor for ``seconds``, and check its samples.
 
     Parameters
     ----------
@@ -82,7 +83,8 @@ def check_sensor(
         Duration [s]. The tendon must not be touched during this time, so that only noise is
         measured.
     make : callable
-        Returns the client; for a sensor on a topic, a client that has a node.
+        Creates the client of the sensor. The client of a sensor on a topic needs a node, see
+        `tactile_lab.force_topics.sensors_on_topics`.
     """
     link = {'net_ft': config.host, 'topic': config.topic}.get(config.sensor, config.port)
     blocks: list[StrainBlock] = []
@@ -145,7 +147,7 @@ def _judge_topic(
         )
         return [Problem(f'no reading in {seconds:g} s: {said}')]
     rejected = [Problem(health.last_rejected)] if health.rejected_lines else []
-    # The rate is already checked with the blocks.
+    # The rate has already been checked by `judge_blocks`.
     advice = [Problem(health.advice)] if health.advice and 'rate_hz' not in health.advice else []
     return [*problems, *rejected, *advice]
 
@@ -153,7 +155,10 @@ def _judge_topic(
 def judge_blocks(
     blocks: list[StrainBlock], config: TendonSensorConfig
 ) -> tuple[dict[str, Any], list[Problem]]:
-    """Return facts and problems from the blocks of a sensor whose tendon is not touched."""
+    """Return measured values and problems from the blocks of a sensor.
+
+    The tendon must not have been touched.
+    """
     if not blocks:
         return {'samples': 0}, []
     tension_n = np.concatenate([block.tension_n for block in blocks])
@@ -167,7 +172,7 @@ def judge_blocks(
     rate_hz = (tension_n.size + lost - 1) / span_s if span_s > 0 else 0.0
     noise_n = _compute_noise_n(time_s, tension_n)
     error_s = blocks[-1].stamp_error_s
-    clock = 'none: host time' if status & StrainStatus.HOST_TIME else 'unknown yet'
+    clock = 'not known (host time)' if status & StrainStatus.HOST_TIME else 'not known yet'
     facts = {
         'samples': int(tension_n.size),
         'rate [Hz]': round(rate_hz, 3),
@@ -184,7 +189,7 @@ def judge_blocks(
         (
             tension_n.size > 1 and not tension_n.any(),
             f'all {tension_n.size} samples are exactly 0 N',
-            'pull the tendon and look again; check the axis, and that the sensor has power',
+            'pull the tendon and test again; check the axis, and that the sensor has power',
         ),
         (
             abs(rate_hz - config.rate_hz) > RATE_TOLERANCE * config.rate_hz,
@@ -194,7 +199,7 @@ def judge_blocks(
         _describe_losses(lost, tension_n.size, config),
         (
             error_s > MOST_STAMP_ERROR_S,
-            f'the stamps may be wrong by {error_s * 1e3:.1f} ms',
+            f'the time stamps may be wrong by {error_s * 1e3:.1f} ms',
             "install the udev rule for the adapter's latency timer; end other programs",
         ),
     )
@@ -206,10 +211,10 @@ def _describe_losses(lost: int, count: int, config: TendonSensorConfig) -> tuple
     if config.sensor == 'topic':
         return (
             lost,
-            f'{lost} of {count + lost} samples are missing: messages were lost, or stamps are '
-            'irregular or paused',
-            'let the publisher be reliable and stamp the time of each measurement; end other '
-            'programs on its computer',
+            f'{lost} of {count + lost} samples are missing: messages were lost, or the stamps '
+            'have gaps',
+            'set the publisher to reliable, and let it stamp each message with the time of the '
+            'measurement; end other programs on its computer',
         )
     return (
         lost,
@@ -219,7 +224,7 @@ def _describe_losses(lost: int, count: int, config: TendonSensorConfig) -> tuple
 
 
 def _compute_noise_n(time_s: Any, tension_n: Any) -> float:
-    """Return the standard deviation about a straight line, which excludes slow drift [N]."""
+    """Return the standard deviation from a fitted line, so that drift is not included [N]."""
     if tension_n.size < 3:
         return 0.0
     line = np.polynomial.Polynomial.fit(time_s, tension_n, 1)
@@ -236,7 +241,7 @@ LATE_S = 0.5
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem and its remedy; the remedy is empty if the sentence already contains it."""
+    """A problem and its remedy. The remedy is empty if ``what`` already contains it."""
 
     what: str
     remedy: str = ''
@@ -249,10 +254,10 @@ def _list_problems(*cases: tuple[object, str, str]) -> list[Problem]:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Result of the check of one device (sensor, guide or tendon) on its port or address.
+    """Result of the check of one device: ``sensor``, ``guide`` or ``tendon``.
 
-    ``facts`` are measured or read values; the keys are names with units. A device without
-    ``problems`` is ready for trials.
+    ``link`` is its port, address or topic. ``facts`` are measured or read values; the keys are
+    names with units. A device without ``problems`` is ready for trials.
     """
 
     device: str
@@ -276,7 +281,7 @@ def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
         facts['settings'] = 'valid'  # otherwise the connection would have failed
         facts['state'] = state.state if state else 'unknown'
         is_locked = state is not None and state.state == 'Alarm'
-        facts['homed since power-up'] = 'no' if is_locked else 'unknown; trials begin with homing'
+        facts['homed since power-up'] = 'no' if is_locked else 'unknown; it is homed before trials'
         if may_move:
             problems += _exercise_guide(client, config, facts)
         problems += _list_problems(
@@ -327,9 +332,10 @@ def _exercise_guide(
 
 
 def check_tendon(config: TendonActuatorConfig, may_move: bool) -> CheckReport:
-    """Read the servo, hold its position, and check that its watchdog stops it.
+    """Read the servo, hold its position, and check that its bus watchdog stops it.
 
-    If ``may_move`` is True, the tendon is also tightened by 2 mm and slackened again.
+    If ``may_move`` is True, the tendon is also tightened by 2 mm and slackened again. At the end,
+    the torque is switched off.
     """
     facts: dict[str, Any] = {}
     problems: list[Problem] = []
@@ -387,7 +393,8 @@ def _try_watchdog(
     return _list_problems(
         (
             not works,
-            f'the servo keeps moving although the bus was silent for {config.watchdog_s:g} s',
+            'the watchdog did not stop the servo when the bus was silent for '
+            f'{config.watchdog_s:g} s',
             'check that no other device sends on the bus; update the firmware',
         )
     )
@@ -396,7 +403,10 @@ def _try_watchdog(
 def _tighten(
     servo: TendonServo, config: TendonActuatorConfig, facts: dict[str, Any]
 ) -> list[Problem]:
-    """Tighten by a short length and slacken; each read feeds the watchdog."""
+    """Tighten and slacken the tendon by a short length.
+
+    Reading the servo regularly prevents its watchdog from tripping.
+    """
     length_m = min(0.002, config.max_displacement_m)
     one_unit_m_s = registers.velocity_to_m_s(1, config.pulley_radius_m)
     most_a = 0.0

@@ -3,9 +3,9 @@
 
 """Discovery of connected devices: serial ports, and the device on each port.
 
-A probe moves no device. It only reads from a port that sends data without a request. It sends a
-single ``?`` to a silent port, which Grbl answers with its status and other devices ignore. Then
-it sends the ping of the Dynamixel protocol.
+A probe moves no device. If a device sends data without a request, the probe only reads. To a
+silent port it sends a single ``?``, which Grbl answers with its status and other devices ignore,
+and then the ping of the Dynamixel protocol.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from tendon_sensor_driver.line_sensor import LineDecoder, split_line, UNITS
 from tendon_sensor_driver.net_ft_protocol import BoxWeb
 
 LISTEN_S = 2.5
-"""Time that a board needs to boot and send its banner, if opening its port resets it [s]."""
+"""Time for a board to boot and send its banner, if opening its port has reset it [s]."""
 
 NAME_FOLDERS = ('/dev/tactile', '/dev/serial/by-id')
-"""Folders of persistent names: ours (see ``udev/60-tactile.rules``), then udev's own."""
+"""Folders of persistent port names: from our rules (``udev/60-tactile.rules``), from udev."""
 
 USUAL_BAUD = 115_200
 OTHER_BAUDS = (9600, 57_600, 38_400, 19_200, 1_000_000)
@@ -59,9 +59,9 @@ _match_time = re.compile(rb'\d{1,15}(?:\.(\d{1,9}))?').fullmatch
 class FoundDevice:
     """One serial port, Net F/T address or topic, and the device there.
 
-    ``device`` is guide, tendon, sensor, or empty if it is unknown. ``usb`` is product, ``vid:pid``
-    and serial number, as far as known. ``names`` are persistent names of the port. ``parameters``
-    are parameters of the device's node.
+    ``device`` is guide, tendon or sensor; empty if the device is unknown. ``what`` is a
+    description. ``usb`` is product, ``vid:pid`` and serial number, as far as known. ``names`` are
+    persistent names of the port. ``parameters`` are the parameters of the node for this device.
     """
 
     port: str
@@ -76,9 +76,10 @@ class FoundDevice:
 
 
 def recognise(data: bytes) -> tuple[str, str, dict[str, Any]] | None:
-    """Return device, description and parameters for the output of a device; None if unknown.
+    """Recognise a device by the bytes that it has sent.
 
-    ``data`` may begin anywhere in the stream.
+    ``data`` may begin in the middle of a line. Returns the kind of device, a description, and
+    parameters of its node; None if the device is unknown.
     """
     if banner := _match_banner(data):
         return 'guide', f'Grbl: "{banner.group().decode("ascii", "replace")}"', {}
@@ -90,7 +91,8 @@ def recognise(data: bytes) -> tuple[str, str, dict[str, Any]] | None:
     lines = [line for line in lines if line]
     if len(lines) < _ENOUGH_LINES or any(not 0x20 <= byte < 0x7F for byte in lines[-1]):
         return None
-    rows = [split_line(line) for line in lines[-_ENOUGH_LINES:]]  # there may be text at the start
+    # The first lines may be text, such as a banner.
+    rows = [split_line(line) for line in lines[-_ENOUGH_LINES:]]
     width = len(rows[0])
     if any(len(row) != width for row in rows):
         return None
@@ -111,7 +113,7 @@ def _is_value(text: bytes) -> bool:
 
 
 def _find_refusal(lines: list[bytes], parameters: dict[str, Any]) -> str | None:
-    """Return why the driver with these parameters would reject all lines, or None."""
+    """Return why the driver would reject all of these lines; None if it accepts one."""
     try:
         decoder = LineDecoder(TendonSensorConfig(rate_hz=0.1, **parameters))  # any rate works
     except ValueError as error:
@@ -136,7 +138,10 @@ def _read_columns(rows: list[list[bytes]], numeric: list[int]) -> dict[str, Any]
 
 
 def _read_time(texts: list[bytes]) -> dict[str, Any]:
-    """Return the parameters of a time column that increases with every line, or none."""
+    """Return the parameters of a time column, or an empty dictionary.
+
+    The column must increase with every line.
+    """
     matches = [_match_time(text) for text in texts]
     decimals = {len(match.group(1) or b'') for match in matches if match}
     if not all(matches) or len(decimals) != 1:
@@ -172,14 +177,14 @@ def _format_usb(port: Any) -> str:
 
 
 def find_names(port: str, folders: Sequence[str] = NAME_FOLDERS) -> tuple[str, ...]:
-    """Return the links to a port in these folders."""
+    """Return the names of a port: the links to it in these folders."""
     target = os.path.realpath(port)
     links = (link for folder in folders for link in sorted(Path(folder).glob('*')))
     return tuple(str(link) for link in links if os.path.realpath(link) == target)
 
 
 def find_holders(port: str) -> list[str]:
-    """Return this user's programs that have a port open, as ``name (number)``."""
+    """Return this user's programs that have a port open, as ``name (process id)``."""
     target = os.path.realpath(port)
     handles = Path('/proc').glob('[0-9]*/fd/*')
     return sorted({_name_process(h.parent.parent) for h in handles if _leads_to(h, target)})
@@ -202,7 +207,7 @@ def _name_process(folder: Path) -> str:
 def probe_ports(
     ports: Sequence[FoundDevice], *, listen_s: float = LISTEN_S, is_quiet: bool = False
 ) -> list[FoundDevice]:
-    """Probe ports in parallel; return each port with the recognised device.
+    """Probe ports in parallel; return a `FoundDevice` for each port.
 
     ``listen_s`` is the time to wait for a device that sends data without a request [s]. If
     ``is_quiet`` is True, nothing is sent.
@@ -212,8 +217,8 @@ def probe_ports(
 
 
 def probe_port(found: FoundDevice, listen_s: float, is_quiet: bool) -> FoundDevice:
-    """Probe a port; return it with the recognised device."""
-    # The simulated rig holds its own ptys open; a driver on a pty is recognised by its lock.
+    """Probe one port; see `probe_ports`."""
+    # The simulated rig itself has its ports (ptys) open. On these, a driver is found by its lock.
     holders = (
         [] if os.path.realpath(found.port).startswith('/dev/pts/') else find_holders(found.port)
     )
@@ -249,7 +254,10 @@ def _format_failure(error: Exception) -> str:
 def _ask_line(
     line: serial.Serial, listen_s: float, is_quiet: bool
 ) -> tuple[bool, tuple[str, str, dict[str, Any]] | None]:
-    """Return whether the device sends data without a request, and the recognised device."""
+    """Listen and, if necessary, send ``?``.
+
+    Return whether the device sends data without a request, and the result of `recognise`.
+    """
     data = _listen(line, listen_s)
     answer = recognise(data)
     baud = USUAL_BAUD
@@ -272,20 +280,23 @@ def _ask_line(
 
 
 def _listen(line: serial.Serial, seconds: float) -> bytes:
-    """Return received data, until the device is recognised or the time is up."""
+    """Receive data until the device is recognised or ``seconds`` have passed; return the data."""
     data = b''
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
         data += line.read(line.in_waiting or 1)
         if recognise(data) is not None:
-            # The rest of a banner, and enough lines to recognise the columns.
+            # Receive the rest of a banner, or of the line.
             time.sleep(_TICK_S)
             return data + line.read(line.in_waiting)
     return data
 
 
 def _ask_build(line: serial.Serial, what: str) -> str:
-    """Ask Grbl for its version, but only at rest: a moving guide must not be disturbed."""
+    """Return a description of a Grbl guide, with its version if the guide is at rest.
+
+    A moving guide is not asked for its version, so that the motion is not disturbed.
+    """
     line.write(b'?')
     status = _match_status(_listen(line, _ANSWER_S))
     if status is None or status.group(1) not in (b'Idle', b'Alarm'):
@@ -329,7 +340,7 @@ def _format_servos(servos: dict[int, list[int]], baud: int) -> tuple[str, str, d
 
 
 def probe_net_ft(host: str, http_port: int = 80) -> FoundDevice:
-    """Return the Net F/T at an address; only its web page is read."""
+    """Return the Net F/T at an address. Only the web page of its configuration is read."""
     try:
         box = BoxWeb(host, http_port).read_configuration()
     except LinkError as error:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration of a load cell with known weights: the fit, and editing of the parameter file."""
+"""Calibration of a load cell with known weights, and editing of a parameter file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ _PARAMETERS = 'ros__parameters'
 
 
 def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
-    """Set parameters of a node in its file atomically; create the file if it does not exist.
+    """Set parameters of a node in a parameter file; create the file if it does not exist.
+
+    The file is replaced atomically.
 
     Raises `TactileError` when the file cannot be read, edited or written.
     """
@@ -38,9 +40,10 @@ def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
 
 
 def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:
-    """Return the text of a parameter file with some values of a node changed.
+    """Return the text of a parameter file in which the ``values`` of a node are set.
 
-    Raises `TactileError` when the text is not a parameter file, or other parts would change.
+    Comments and all other values are kept. Raises `TactileError` when the text is not a parameter
+    file, or when the edit would change other values.
     """
     before = load_yaml(text)
     if before is not None and not isinstance(before, dict):
@@ -55,14 +58,17 @@ def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:
         is_right = False
     if not is_right:
         lines = ', '.join(f'{name}: {float(value)!r}' for name, value in values.items())
-        raise TactileError(f'its form is not supported; set under {node} by hand: {lines}')
+        raise TactileError(
+            f'the file cannot be edited automatically; set these parameters of {node} by hand: '
+            f'{lines}'
+        )
     return new
 
 
 def _expected(before: dict[str, object], node: str, values: Mapping[str, float]) -> object:
     keys = [k for k in before if str(k).strip('/') == node]
     if len(keys) > 1:
-        raise TactileError(f'it has {" and ".join(map(str, keys))}; keep one of them')
+        raise TactileError(f'it has blocks for {" and ".join(map(str, keys))}; keep one of them')
     key = keys[0] if keys else node
     content = before.get(key) or {}
     parameters = content.get(_PARAMETERS) or {} if isinstance(content, dict) else {}
@@ -95,17 +101,18 @@ def _find(parent: yaml.Node | None, name: str) -> yaml.Node | None:
 
 
 FEWEST_WEIGHTS = 3
-"""Smallest number of different weights; two would leave no residual and no uncertainty."""
+"""Smallest number of different weights. With two weights, the line would fit exactly, so that its
+uncertainty could not be estimated."""
 
 LARGEST_SPREAD_N = 0.1
-"""If the standard deviation within a second is larger than this [N], the weight still swings."""
+"""If the standard deviation within a second is larger [N], the weight is still swinging."""
 
 SMALLEST_CHANGE_N = 0.005
 """A reading is at rest if it changes by less than this within a second [N]."""
 
 _REJECTED = 5.0 * 1.4826
-"""A sample is an outlier if its distance from the median exceeds this multiple of the median
-absolute deviation, which is five sigma."""
+"""A sample is an outlier if its distance from the median is larger than this factor times the
+median absolute deviation. For a normal distribution, this is five standard deviations."""
 
 
 class CalibrationError(TactileError):
@@ -114,10 +121,10 @@ class CalibrationError(TactileError):
 
 @dataclass(frozen=True)
 class WeightReading:
-    """Sensor reading under one weight: mean and standard deviation of a settled second [N].
+    """Reading of the sensor for one weight, measured with scale 1 and offset 0.
 
-    It is taken with scale 1 and offset 0. ``is_rising`` is true if the previous weight was
-    smaller.
+    ``reading_n`` and ``noise_n`` are mean and standard deviation over one second at rest [N].
+    ``is_rising`` is true if the previous weight was smaller.
     """
 
     mass_kg: float
@@ -156,17 +163,18 @@ class LoadCellFit:
 
 
 def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:
-    """Return mean and standard deviation of a second of samples, or None if it is not settled.
+    """Return mean and standard deviation of one second of samples; None if it is not at rest.
 
-    Samples far from the median are ignored. The second is settled if the means of both halves
-    differ by at most four standard errors of their difference, or by `SMALLEST_CHANGE_N`.
+    Outliers are ignored. The weight is at rest if the means of the first and the second half
+    differ by at most four standard errors of their difference, or by at most
+    `SMALLEST_CHANGE_N`.
     """
     values = np.asarray(tension_n, dtype=np.float64)
     if values.size < 4 or not np.isfinite(values).all():
         return None
     median = np.median(values)
     spread = np.median(np.abs(values - median))
-    # With a coarse converter, half of the samples may be equal; then no sample is ignored.
+    # If half of the samples are equal (coarse converter), the spread is 0 and nothing is ignored.
     is_near = np.abs(values - median) <= (_REJECTED * spread if spread > 0.0 else np.inf)
     half = values.size // 2
     first, second = values[:half][is_near[:half]], values[half:][is_near[half:]]
@@ -181,13 +189,14 @@ def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:
 
 
 def fit_load_cell(readings: Sequence[WeightReading], gravity_m_s2: float) -> LoadCellFit:
-    """Fit the line by least squares of the readings over the true forces.
+    """Fit the calibration line by least squares.
 
-    The weights are known and the readings are noisy, so the readings are the dependent variable;
-    the fitted line is then inverted. Uncertainties are of first order.
+    The weights are known and the readings are noisy. Therefore the readings are fitted as a
+    function of the true forces, and the fitted line is then inverted. Uncertainties are computed
+    by linear error propagation.
 
-    Raises `CalibrationError` when there are too few weights, or readings do not follow the
-    weights.
+    Raises `CalibrationError` when there are too few weights, or when the readings do not increase
+    (or decrease) with the weights.
     """
     force_n = np.array([reading.mass_kg for reading in readings]) * gravity_m_s2
     value_n = np.array([reading.reading_n for reading in readings])
@@ -222,7 +231,7 @@ def _check_order(readings: Sequence[WeightReading]) -> None:
     masses = sorted({reading.mass_kg for reading in readings})
     if len(masses) < FEWEST_WEIGHTS:
         raise CalibrationError(
-            f'{len(masses)} different weights are too few; use at least {FEWEST_WEIGHTS}, one of '
+            f'there are {len(masses)} different weights; use at least {FEWEST_WEIGHTS}, one of '
             'them zero'
         )
     means = [
@@ -234,9 +243,9 @@ def _check_order(readings: Sequence[WeightReading]) -> None:
     if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
         wrong = int(np.argmin(steps * np.sign(means[-1] - means[0])))
         raise CalibrationError(
-            f'the reading does not follow the weight from {masses[wrong]:g} to '
-            f'{masses[wrong + 1]:g} kg ({means[wrong]:.4g} to {means[wrong + 1]:.4g} N); check '
-            'the order of the weights, that they hang freely, and the capacity of the cell'
+            f'from {masses[wrong]:g} to {masses[wrong + 1]:g} kg, the reading changes in the '
+            f'wrong direction or not at all ({means[wrong]:.4g} to {means[wrong + 1]:.4g} N); '
+            'check the order of the weights, that they hang freely, and the capacity of the cell'
         )
 
 

@@ -36,14 +36,14 @@ from tactile_ros.yaml_files import read_text
 _OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}
 
 MAY_GROW = 'sessions'
-"""The only entry of a plan that may be changed, to a larger value, after the first trial."""
+"""The only entry of a plan that may be changed after the first trial; it may be increased."""
 
 
 @dataclass(frozen=True)
 class ExperimentFolder:
     """The folder of an experiment.
 
-    The order of the trials is drawn once and stored in ``order.csv``.
+    The random order of the trials is drawn once, and stored in ``order.csv``.
     """
 
     path: Path
@@ -57,11 +57,11 @@ class ExperimentFolder:
         return self.path / BAGS
 
     def set_up(self, plan: ExperimentPlan) -> None:
-        """Create the folder for a plan, or check that it belongs to the plan; draw missing
-        sessions.
+        """Create the folder for a plan, or check that the existing folder belongs to the plan.
 
-        Raises `TactileError` when the folder cannot be created, contains something else, or its
-        experiment has another plan.
+        If the number of sessions was increased, the order of the new sessions is drawn. Raises
+        `TactileError` when the folder cannot be created, contains other files, or was created for
+        another plan.
         """
         with named_errors('make the folder', self.path):
             if not (self.path / PLAN).exists():
@@ -71,7 +71,7 @@ class ExperimentFolder:
                     )
                 self.bags.mkdir(parents=True, exist_ok=True)
                 write_atomically(self.path / ORDER, '')
-                # Written last, because the plan marks the folder as an experiment.
+                # The plan marks the folder as an experiment, so it is written last.
                 write_atomically(self.path / PLAN, format_plan(plan))
             self._adopt(plan)
 
@@ -86,8 +86,9 @@ class ExperimentFolder:
             changed.append(f'{MAY_GROW} (was {old.sessions})')
         if changed:
             raise ExperimentError(
-                f'{self.path} was started with another plan: {", ".join(changed)}; undo the '
-                f'change, or name another folder with --output. Only {MAY_GROW} may be increased'
+                f'{self.path} was started with another plan; changed entries: '
+                f'{", ".join(changed)}. Undo the change, or name another folder with --output. '
+                f'Only {MAY_GROW} may be increased'
             )
         order = self.read_order()
         drawn = {trial.session_id for trial in order}
@@ -99,19 +100,20 @@ class ExperimentFolder:
             write_atomically(self.path / PLAN, format_plan(plan))
 
     def draw_block(self, session_id: str) -> list[PlannedTrial]:
-        """Return another block for a session, with each object once in each contact.
+        """Draw the order of a further block of a session; `append` adds it to the experiment.
 
-        The order is not changed. Raises `ExperimentError` for an unknown session.
+        The block has one mounting of each object in each contact. Raises `ExperimentError` for an
+        unknown session.
         """
         last = self._last_mounting(session_id)
         return list_order(replace(self.read_plan(), mountings=1), session_id, last + 1)
 
     def append(self, block: Sequence[PlannedTrial]) -> None:
-        """Append a block from `draw_block` to the order; the caller must hold the journal."""
+        """Append a block from `draw_block` to the order. The journal must be locked."""
         write_atomically(self.path / ORDER, format_order([*self.read_order(), *block]))
 
     def appended_left(self, session_id: str) -> int:
-        """Return the number of trials that are left in blocks appended to a session.
+        """Return the number of remaining trials in the blocks that were appended to a session.
 
         Raises `ExperimentError` for an unknown session.
         """
@@ -126,7 +128,7 @@ class ExperimentFolder:
         numbers = [trial.mounting for trial in order if trial.session_id == session_id]
         if not numbers:
             raise ExperimentError(
-                f'no session "{session_id}"; there are '
+                f'there is no session "{session_id}"; the sessions are '
                 f'{", ".join(dict.fromkeys(trial.session_id for trial in order))}'
             )
         return max(numbers)
@@ -143,14 +145,14 @@ class ExperimentFolder:
             raise ExperimentError(f'the order {path}: {error}') from error
 
     def read_progress(self) -> Progress:
-        """Return the progress of the experiment; another program may be running it."""
+        """Return the progress of the experiment, also while another program is running it."""
         entries = read_journal(self.journal) if self.journal.exists() else []
         return Progress(self.read_order(), entries)
 
     def correct(self, trial: str, kind: str, **values: str) -> Attempt:
         """Write a correction of a recorded trial to the journal; return the corrected attempt.
 
-        The bags are not changed; their readers apply the journal.
+        The bags are not changed; the corrections are applied when they are read.
 
         Parameters
         ----------
@@ -159,7 +161,7 @@ class ExperimentFolder:
         kind : str
             `RELABELLED`, `EXCLUDED` or `INCLUDED`.
         **values : str
-            ``label`` and ``why``.
+            ``label`` (only for `RELABELLED`) and ``why``.
 
         Raises
         ------
@@ -176,9 +178,9 @@ class ExperimentFolder:
         return Journal(self.journal)
 
     def bag_path(self, session_id: str, run: int) -> Path:
-        """Return an unused path for the bag of a run of a session."""
+        """Return an unused path for the bag of the ``run``-th start of a session."""
         names = (f'{session_id}-{number:02d}' for number in itertools.count(run))
-        # The bag of a killed run may exist although the journal does not mention it.
+        # If a program was killed, its bag may exist although the journal does not mention it.
         return next(path for name in names if not (path := self.bags / name).exists())
 
     def list_bags(self) -> list[Path]:

@@ -1,10 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The journal of an experiment, and the progress that follows from its entries.
+"""The journal of an experiment, and the progress that is computed from its entries.
 
-The journal has one JSON entry per line, which is on the disk before the next step. Entries are
-only appended. After any interruption, the experiment continues after the last entry.
+The journal has one JSON entry per line. Entries are only appended, and each entry is on the disk
+before the next step of the experiment. After any interruption, the experiment continues after the
+last entry.
 """
 
 from __future__ import annotations
@@ -29,34 +30,35 @@ from tactile_ros.errors import TactileError
 Entry = dict[str, Any]
 
 GOOD, OUTLIER, FAILED, ABORTED = 'good', 'outlier', 'failed', 'aborted'
-"""Verdicts on a trial: usable; usable but different from others; unusable; interrupted."""
+"""Verdicts on a trial: usable; usable, but different from similar trials; unusable;
+interrupted."""
 
 BEGAN, ENDED, KEPT, MOUNTED, RUN = 'began', 'ended', 'kept', 'mounted', 'run'
 SETUP = 'setup'
 RELABELLED, EXCLUDED, INCLUDED = 'relabelled', 'excluded', 'included'
-"""Kinds of entries."""
+"""Kinds of entries of the journal."""
 
 
 class EntryLog:
-    """Entries in memory, oldest first, which are lost when the program ends."""
+    """A list of entries in memory, oldest first. `Journal` also writes them to a file."""
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
 
     def append(self, kind: str, **values: Any) -> Entry:
-        """Add an entry; return it when it is stored."""
+        """Add an entry and return it."""
         self.entries.append({'kind': kind, **values})
         return self.entries[-1]
 
 
 def note(log: EntryLog, kind: str, **values: Any) -> Entry:
-    """Add an entry with the current time."""
+    """Add an entry with the current time, and return it."""
     return log.append(kind, at_s=round(time.time(), 3), **values)
 
 
 @contextmanager
 def _named_errors(task: str, path: Path) -> Iterator[None]:
-    """Convert errors of a journal to an `ExperimentError` that names the file."""
+    """Convert errors to an `ExperimentError` that names the file of the journal."""
     try:
         yield
     except OSError as error:
@@ -66,9 +68,9 @@ def _named_errors(task: str, path: Path) -> Iterator[None]:
 
 
 class Journal(EntryLog):
-    """A journal that this program has locked; a context manager.
+    """The journal in a file, which this program locks. It is a context manager.
 
-    ``path`` is created if it does not exist. ``entries`` are all entries, oldest first.
+    The file is created if it does not exist. ``entries`` are all entries, oldest first.
 
     Raises `ExperimentError` when the journal cannot be read or written, or another program has
     locked it.
@@ -85,7 +87,8 @@ class Journal(EntryLog):
                 sync_folder(path.parent)
             self._file.seek(0)
             self.entries, length = parse_journal(self._file.read())
-            # The next entry must not be joined to a line that a power cut has truncated.
+            # Remove a line that a power cut has truncated, so that the next entry is not joined to
+            # it.
             self._file.truncate(length)
             stack.pop_all()
 
@@ -117,8 +120,9 @@ class Journal(EntryLog):
                 self._file.flush()
                 os.fsync(self._file.fileno())
         except ExperimentError:
-            # Nothing may follow a truncated line; the next program removes it.
-            with suppress(OSError):  # closing tries to write the rest again
+            # The line may be incomplete, so no further entry may follow. The next program that
+            # opens the journal removes the line.
+            with suppress(OSError):  # close() tries to write the rest of the line
                 self.close()
             raise
         self.entries.append(entry)
@@ -130,7 +134,7 @@ class Journal(EntryLog):
 
 
 def read_journal(path: Path) -> list[Entry]:
-    """Return the entries of a journal, which another program may be writing.
+    """Return the entries of a journal, also while another program is writing it.
 
     Raises `ExperimentError` when it cannot be read.
     """
@@ -140,12 +144,13 @@ def read_journal(path: Path) -> list[Entry]:
 
 @dataclass
 class Attempt:
-    """One attempt at a trial.
+    """One attempt at a planned trial.
 
-    ``verdict`` is None while it is unknown, for example after a power cut. Each planned trial's
-    ``key`` has at most one attempt that is kept. ``statistics`` are used to find outliers.
-    ``label`` is the corrected label and ``why`` the reason, or None if the recorded label is
-    right; ``excluded`` is the reason why the trial was excluded later, or None.
+    ``key`` is the name of the planned trial, of which at most one attempt is kept. ``verdict`` is
+    None if the end of the attempt was not recorded, for example after a power cut. ``statistics``
+    are used to find outliers. ``label`` is the corrected label and ``why`` the reason of the
+    correction; both are None if the recorded label is right. ``excluded`` is the reason why the
+    trial was excluded later, or None.
     """
 
     key: str
@@ -161,14 +166,14 @@ class Attempt:
 
 
 class Progress:
-    """The state of an experiment.
+    """The progress of an experiment, computed from the order of its trials and its journal.
 
     Attributes
     ----------
-    entries : list
-        Entries of the journal.
+    order : list of PlannedTrial
+        All planned trials.
     attempts : dict
-        Attempts in the order of their start; the keys are trial ids.
+        Attempts at trials, in the order of their start; the keys are trial ids.
     mounting_ids : list of str
         Ids of the mountings, in the order in which objects were mounted.
     runs : dict
@@ -202,7 +207,7 @@ class Progress:
             raise ExperimentError(f'entry {count} of the journal: {error!r}') from error
 
     def take(self, entry: Mapping[str, Any]) -> None:
-        """Update the state with an entry."""
+        """Update the progress with an entry."""
         kind = entry['kind']
         if kind == RUN:
             session_id = str(entry['session_id'])
@@ -242,23 +247,23 @@ class Progress:
 
     @property
     def done_count(self) -> int:
-        """Number of planned trials that are done."""
+        """Number of planned trials that have a kept attempt."""
         return sum(trial.key in self._kept for trial in self.order)
 
     @property
     def outlier_count(self) -> int:
-        """Number of outliers that are kept."""
+        """Number of outliers that the operator has kept."""
         return sum(attempt.verdict == OUTLIER for attempt in self._kept.values())
 
     @property
     def last(self) -> Attempt:
-        """The latest attempt; there must be one."""
+        """The latest attempt; at least one trial must have begun."""
         return next(reversed(self.attempts.values()))
 
     def find(self, name: str) -> Attempt:
-        """Return the kept attempt at a planned trial, or any attempt by its trial id.
+        """Return an attempt by its trial id, or the kept attempt by the name of a planned trial.
 
-        Raises `ExperimentError` when there is none.
+        Raises `ExperimentError` when there is no such attempt.
         """
         if attempt := self._kept.get(name) or self.attempts.get(name):
             return attempt
@@ -271,7 +276,10 @@ class Progress:
         return self._kept.get(key)
 
     def left(self, session_id: str | None = None) -> list[PlannedTrial]:
-        """Return the remaining trials in their order, of one session or of all sessions."""
+        """Return the remaining trials, in their order.
+
+        If ``session_id`` is None, the trials of all sessions are returned.
+        """
         return [
             trial
             for trial in self.order
@@ -279,7 +287,7 @@ class Progress:
         ]
 
     def sessions_left(self) -> list[str]:
-        """Return the sessions with remaining trials, in their order."""
+        """Return the sessions that have remaining trials, in their order."""
         return list(dict.fromkeys(trial.session_id for trial in self.left()))
 
     def next_trial_id(self, key: str) -> str:
@@ -297,7 +305,10 @@ class Progress:
         return f'{name}-{count + 1}' if count else name
 
     def earlier(self, trial: PlannedTrial) -> list[tuple[str, dict[str, float]]]:
-        """Return mounting and statistics of the kept trials of the same object and contact."""
+        """Return mounting and statistics of each good trial of the same object and contact.
+
+        Excluded trials, and trials that were relabelled as another object, are omitted.
+        """
         same = {
             each.key
             for each in self.order
@@ -313,16 +324,17 @@ class Progress:
         ]
 
     def estimate_left_s(self) -> float:
-        """Return the estimated duration of the remaining trials [s]; 0 before the first trial.
+        """Return the estimated duration of the remaining trials [s].
 
-        It is the sum of the median durations of trials and mountings so far.
+        It is the number of remaining trials times their median duration so far, plus the same
+        product for mountings. At least one trial must have ended.
         """
         left = self.left()
         mountings = {(trial.session_id, trial.mounting) for trial in left}
         return median(self._trial_s) * len(left) + median(self._mounting_s) * len(mountings)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a summary as a dictionary for JSON."""
+        """Return the numbers of trials and mountings as a dictionary for JSON."""
         verdicts = [attempt.verdict for attempt in self.attempts.values()]
         return {
             'planned': len(self.order),

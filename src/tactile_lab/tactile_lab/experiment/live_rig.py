@@ -58,21 +58,21 @@ from tactile_sim.errors import RigError, TautTendonError
 from tactile_sim.rig_process import SimulatedRig
 
 WINDOW_TIMEOUT_S = 1.0
-"""Longest wait for the windows of a trial in the recording [s]."""
+"""Longest wait until the feature windows of a trial are recorded [s]."""
 
 AUDIT_TIMEOUT_S = 2.0
-"""Longest wait for the first sample after a trial [s]; the audit needs that sample."""
+"""Longest wait for the audit of a trial [s], which needs the first sample after the trial."""
 
 DEVICES_TIMEOUT_S = 3.0
-"""Longest wait for the diagnostics of the devices [s], which are published once a second."""
+"""Longest wait for the diagnostics of the devices [s]; they are published once per second."""
 
 FEATURES_TIMEOUT_S = 5.0
-"""Longest wait for the features of a trial after its end [s]."""
+"""Longest wait for the feature window of a trial after its end [s]."""
 
 SLACK_TIMEOUT_S = 5.0
 """Longest wait for a slack tendon before a trial on the simulated rig [s].
 
-After a fault, the tendon driver holds the tendon for 2 s, then slackens it."""
+After a fault, the tendon driver holds the tendon for 2 s and then slackens it."""
 
 DEVICES = ('tendon_sensor', 'linear_guide', 'tendon_actuator')
 SETUP_NODES = (*DEVICES, 'trial_runner')
@@ -81,7 +81,7 @@ SETUP_NODES = (*DEVICES, 'trial_runner')
 
 @dataclass(frozen=True)
 class LiveTrial:
-    """A trial with the predictions of its models, and the audit of its recording."""
+    """A trial that was run, with the predictions of the models and the audit of its recording."""
 
     request: TrialRequest
     answers: tuple[WindowPrediction, ...] = ()
@@ -89,7 +89,7 @@ class LiveTrial:
 
     @property
     def answer(self) -> WindowPrediction | None:
-        """The prediction of the first model; None if no model fits this task and contact."""
+        """The prediction of the first model; None if no model has this task and contact."""
         return self.answers[0] if self.answers else None
 
     @property
@@ -101,7 +101,7 @@ class LiveTrial:
         return answer.label == self.request.object_label
 
     def format_answers(self) -> list[str]:
-        """Return one line per model: the predicted label with its score, or why there is none."""
+        """Return a text per model: the predicted label and its score, or why there is none."""
         lines = []
         for answer in self.answers:
             several = len(self.answers) > 1
@@ -137,10 +137,12 @@ class LiveTrial:
 
 @dataclass(frozen=True)
 class LiveSetup:
-    """A rig to run trials on.
+    """A rig on which trials can be run; `live_rig` starts its nodes.
 
     Attributes
     ----------
+    ports : Ports
+        Ports of the devices.
     models : Path or None
         Folder of model files, or one file; None to run without a classifier.
     simulated_rig : SimulatedRig or None
@@ -149,9 +151,9 @@ class LiveSetup:
     parameters : dict
         ROS parameters of each node; the keys are the names of the nodes.
     domain_id : int or None
-        ROS domain; None for the domain of the environment.
+        ROS domain; None for the domain in the environment.
     watch : WatchOptions or None
-        Options of a live page to serve.
+        Options of the live page; None if no page is served.
     """
 
     ports: Ports
@@ -166,9 +168,10 @@ class LiveSetup:
 def open_rig(
     given: RigOptions, models: Path | None, output: Output, *, seed: int, watch: bool
 ) -> Iterator[LiveSetup]:
-    """Provide the rig for a command's trials; a simulated rig ends with the block.
+    """Provide the rig for the trials of a command, from its options.
 
-    Raises `TactileError` when ports are missing, or parameters are invalid.
+    A simulated rig is started, and ends with the block. Raises `TactileError` when ports are
+    missing, or parameters are invalid.
     """
     with ExitStack() as stack:
         ports, simulated_rig = open_ports(given, seed, stack)
@@ -181,9 +184,9 @@ def open_rig(
 
 @dataclass(frozen=True)
 class LiveRig:
-    """A rig whose nodes run in this process, homed, and recorded.
+    """A rig whose nodes run in this process. The guide is homed, and the recorder is recording.
 
-    ``models`` are the models in use.
+    ``models`` are the models that the classifier has loaded. ``nodes`` are the nodes by name.
     """
 
     operator: OperatorNode
@@ -193,7 +196,7 @@ class LiveRig:
     nodes: dict[str, Any] = field(default_factory=dict)
 
     def run(self, request: TrialRequest) -> LiveTrial:
-        """Run a trial, and wait for its audit and its prediction.
+        """Run a trial, and wait for its audit and its predictions.
 
         Raises `TactileError` when the trial or the recording fails, and `StoppedError` when Stop
         was pressed on a live page.
@@ -203,15 +206,15 @@ class LiveRig:
             for model in self.models
             if model.task == request.protocol and model.contact in ('', request.contact)
         ]
-        # One window per specification; without models, one window of the feature node.
+        # Expect one window per specification of the models, or one window if there are no models.
         windows = max(1, len({model.specification_digest for model in listening}))
         wanted = self.recorder.window_count + windows
         try:
             self.operator.run_trial(request)
         finally:
             audit = self.wait_for_audit(request.trial_id)
-            # Windows arrive some tenths of a second after a trial, even if it was interrupted;
-            # a trial without a phase has none.
+            # Windows arrive some tenths of a second after a trial, even if it was interrupted. A
+            # trial that ended before its hold or glide has no window.
             wait_for(
                 lambda: self.recorder.window_count >= wanted or self.recorder.has_failed,
                 WINDOW_TIMEOUT_S,
@@ -221,7 +224,7 @@ class LiveRig:
         return LiveTrial(request, self.operator.wait_for_answers(request.trial_id, names), audit)
 
     def wait_for_audit(self, trial_id: str) -> Audit | None:
-        """Wait until a trial's last samples are recorded; return its audit, or None."""
+        """Wait for the audit of a trial, and return it; return None after `AUDIT_TIMEOUT_S`."""
 
         def find() -> Audit | None:
             audits: list[Audit] = list(self.recorder.audits)
@@ -231,9 +234,9 @@ class LiveRig:
         return find()
 
     def read_setup(self) -> dict[str, str]:
-        """Return the parameters of the running devices, and their identification.
+        """Return the set-up: parameters of the nodes, and identification of the devices.
 
-        The identification is model and firmware, or the serial number, if the device provides it.
+        The identification is model and firmware, or the serial number, if a device provides it.
         """
         devices = self.observer.wait_for_devices(DEVICES)
         found: dict[str, str] = {}
@@ -242,17 +245,17 @@ class LiveRig:
             found |= {
                 f'{name}.{key}': str(value) for key, value in values.items() if key != 'port'
             }
-            # A device without a serial number is identified by its port, which may change.
+            # Without a serial number, the identification is the port, which may change.
             if (device := devices.get(name)) and device != values.get('port'):
                 found[f'{name} device'] = device
         return found
 
 
 class ObserverNode(Node):  # type: ignore[misc]
-    """Keeps the samples since `restart`, the first feature window of each trial, and the devices.
+    """Receives the samples and the feature windows of a trial, and the diagnostics of devices.
 
-    The loop compares the tension of a trial with earlier trials. The methods block; another thread
-    spins the node.
+    The tension in the window of a trial is compared with earlier trials. The methods block, and
+    another thread must spin the node.
     """
 
     def __init__(self, context: Context) -> None:
@@ -260,7 +263,8 @@ class ObserverNode(Node):  # type: ignore[misc]
         self._arrived = threading.Condition()
         self._blocks: list[StrainBlock] = []
         self._windows: dict[str, FeatureWindow] = {}
-        self._judged: dict[str, FeatureSpec] = {}  # specification that judges trials of each task
+        # For each task, the specification of the window that is compared with earlier trials.
+        self._judged: dict[str, FeatureSpec] = {}
         self._devices: dict[str, str] = {}
         self._is_on = False
         guard = MessageGuard(self)
@@ -286,7 +290,7 @@ class ObserverNode(Node):  # type: ignore[misc]
                 self._arrived.notify_all()
 
     def _on_specifications(self, message: FeatureSpecifications) -> None:
-        """Choose the first full window of each task, or the first early one if there is none."""
+        """Choose a specification for each task: the first full one, else the first early one."""
         specs = specifications_from_msg(message).specs
         with self._arrived:
             self._judged = {}
@@ -300,7 +304,7 @@ class ObserverNode(Node):  # type: ignore[misc]
             self._arrived.notify_all()
 
     def wait_for_devices(self, names: Sequence[str]) -> dict[str, str]:
-        """Return the identification of devices, once all nodes have published diagnostics."""
+        """Wait for the diagnostics of these nodes; return the identification of all devices."""
         with self._arrived:
             self._arrived.wait_for(
                 lambda: all(self._devices.get(name) for name in names), DEVICES_TIMEOUT_S
@@ -308,12 +312,18 @@ class ObserverNode(Node):  # type: ignore[misc]
             return dict(self._devices)
 
     def restart(self, *, is_on: bool) -> None:
-        """Discard all data; keep new data only while ``is_on``, because prompts may take hours."""
+        """Discard all data. Receive new data only if ``is_on`` is True.
+
+        Between trials, nothing is received, because a prompt may take hours.
+        """
         with self._arrived:
             self._blocks, self._windows, self._is_on = [], {}, is_on
 
     def end(self, trial_id: str) -> tuple[FeatureWindow | None, NDArray[np.float64]]:
-        """Return the feature window of a trial, once it has arrived, and the tension in it [N]."""
+        """Wait for the feature window of a trial; return it with the tension in it [N].
+
+        If no window arrives within `FEATURES_TIMEOUT_S`, return None and an empty array.
+        """
         with self._arrived:
             self._arrived.wait_for(lambda: trial_id in self._windows, FEATURES_TIMEOUT_S)
             window = self._windows.get(trial_id)
@@ -331,9 +341,10 @@ class ObserverNode(Node):  # type: ignore[misc]
 
 @contextmanager
 def live_rig(setup: LiveSetup, bag: Path, output: Output) -> Iterator[LiveRig]:
-    """Start the rig's nodes and its recorder, and home the guide; end the nodes with the block.
+    """Start the nodes of the rig and the recorder, and home the guide.
 
-    ``bag`` is the new bag; it must not exist. ``output`` prints the address of the live page.
+    The nodes end with the block. ``bag`` is the path of the new bag, which must not exist.
+    ``output`` prints the address of the live page.
 
     Raises `TactileError` when a node cannot be started or a topic has no publisher.
     """
@@ -353,7 +364,8 @@ def live_rig(setup: LiveSetup, bag: Path, output: Output) -> Iterator[LiveRig]:
             recorder = nodes['bag_recorder']
             operator.trial_config = nodes['trial_runner'].config
             wait_until_matched(recorder)
-            if watch is not None and watch.state.was_stopped:  # before the operator node existed
+            # Stop was pressed before the operator node existed.
+            if watch is not None and watch.state.was_stopped:
                 operator.stop()
             answering = operator.wait_for_models() if models else ()
             operator.home_guide()
@@ -361,14 +373,16 @@ def live_rig(setup: LiveSetup, bag: Path, output: Output) -> Iterator[LiveRig]:
 
 
 def wait_until_matched(recorder: Any) -> None:
-    """Wait until every recorded topic has its publisher."""
+    """Wait until the recorder has found a publisher of every recorded topic."""
     if not wait_for(lambda: not recorder.unmatched_topics(), recorder.config.match_timeout_s):
         missing = ', '.join(recorder.unmatched_topics())
-        raise TactileError(f'no publisher on {missing}; recording requires all of these topics')
+        raise TactileError(
+            f'nothing is recorded, because these topics have no publisher: {missing}'
+        )
 
 
 def wait_for(condition: Callable[[], bool], timeout_s: float) -> bool:
-    """Wait until a condition is true; return False after the timeout."""
+    """Wait until a condition is true; return False if it is not true after ``timeout_s``."""
     deadline_s = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > deadline_s:
@@ -378,23 +392,24 @@ def wait_for(condition: Callable[[], bool], timeout_s: float) -> bool:
 
 
 def check_recording(recorder: Any) -> None:
-    """Raise `ExperimentError` when the recording has failed, because trials would be lost."""
+    """Raise `ExperimentError` if the recording has failed; further trials would be lost."""
     if recorder.has_failed:
         raise ExperimentError(recorder.failure)
 
 
 @dataclass
 class LiveTrialBackend:
-    """Backend that runs trials on live nodes; see `tactile_lab.experiment.loop.TrialBackend`.
+    """Runs trials on the nodes of a rig; a `tactile_lab.experiment.loop.TrialBackend`.
 
     Attributes
     ----------
     output : Output
         Prints the address of the live page.
     make_request : callable
-        Returns the request for a trial order of the loop.
+        Returns the request to the trial runner for a `TrialOrder`.
     numbers : callable
-        Returns session, mounting and trial of an order, for the deviations of a simulated rig.
+        Returns the numbers of session, mounting and trial for a `TrialOrder`. They select the
+        random deviations of a simulated rig.
     needs_features : bool
         True if a trial without features is unusable.
     trials : dict
@@ -428,7 +443,7 @@ class LiveTrialBackend:
         return {} if self._rig is None else self._rig.read_setup()
 
     def run_trial(self, order: TrialOrder) -> TrialResult:
-        """Run a trial while the nodes run."""
+        """Run a trial of a `session`, and check its recording."""
         rig = self._rig
         assert rig is not None
         check_recording(rig.recorder)
@@ -441,7 +456,7 @@ class LiveTrialBackend:
             with self._explained_load():
                 trial = rig.run(request)
             window, tension_n = rig.observer.end(order.trial_id)
-        except StoppedError as error:  # stopped by a person, so it is not repeated automatically
+        except StoppedError as error:  # a person has stopped the trial, so it is not repeated
             raise ExperimentError(str(error)) from error
         finally:
             rig.observer.restart(is_on=False)
@@ -451,7 +466,7 @@ class LiveTrialBackend:
 
     @contextmanager
     def _explained_load(self) -> Iterator[None]:
-        """Add the load of this computer to an error, if it may have disturbed a simulated rig."""
+        """If this computer is busy, add this to errors, because it can disturb a simulated rig."""
         try:
             yield
         except (StoppedError, ExperimentError):
@@ -465,8 +480,8 @@ class LiveTrialBackend:
 def mount(rig: SimulatedRig, request: TrialRequest, numbers: tuple[int, int, int] | None) -> None:
     """Put the object of a trial under the simulated finger, once the tendon is slack.
 
-    Raises `TactileError` when the tendon is still tightened after `SLACK_TIMEOUT_S`, or when the
-    rig refuses for another reason.
+    ``numbers`` are session, mounting and trial, see `LiveTrialBackend`. Raises `TactileError` when
+    the tendon is still taut after `SLACK_TIMEOUT_S`, or when the rig refuses for another reason.
     """
     deadline_s = time.monotonic() + SLACK_TIMEOUT_S
     while True:
@@ -492,7 +507,10 @@ def judge(
     statistics: dict[str, float],
     needs_features: bool = True,
 ) -> TrialResult:
-    """Return whether a trial's recording is usable, with a summary."""
+    """Return the result of a trial: whether its recording is usable, and a summary.
+
+    ``statistics`` are those of `summarise_tension`.
+    """
     audit = trial.audit
     if audit is None:
         return TrialResult('no sample arrived after the trial, so its recording was not audited')
@@ -501,7 +519,7 @@ def judge(
     parts = [f'{audit.sample_count} samples, complete']
     lack: str | None = None
     if window is None:
-        lack = 'the feature node published no window; see its log for the reason'
+        lack = 'the feature node published no window for this trial; see its log for the reason'
     elif window.outcome != WindowOutcome.OK:
         lack = f'no features: {window.reason}'
     if lack is not None:
@@ -521,16 +539,16 @@ def run_live_trials(
     output: Output,
     live: list[LiveTrial] | None = None,
 ) -> list[LiveTrial]:
-    """Home the guide, run and record the trials; print a line for each.
+    """Home the guide, run and record the trials, and print a line for each trial.
 
     Parameters
     ----------
     bag : Path
-        The new bag; it must not exist.
+        Path of the new bag, which must not exist.
     requests : sequence of TrialRequest
-        Each with a unique trial id.
+        The trials, each with a unique trial id.
     live : list of LiveTrial
-        The recorded trials are appended to this list, also after an error.
+        The recorded trials are appended to this list, even if an error occurs later.
 
     Raises
     ------

@@ -3,8 +3,8 @@
 
 """The loop of trials: prompts, journal, quality checks, and repetition of failed trials.
 
-`tactile trials`, `tactile demo` and `tactile experiment` use this loop. The rig is a
-`TrialBackend`, the person at the rig an `Operator`.
+`tactile trials`, `tactile demo` and `tactile experiment` use this loop. A `TrialBackend` runs the
+trials on a rig. An `Operator` represents the person at the rig.
 """
 
 from __future__ import annotations
@@ -44,26 +44,31 @@ from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 FALSE_ALARMS = 0.001
-"""Fraction of ordinary trials that are reported as outliers, if statistics are normal."""
+"""Fraction of ordinary trials that are reported as outliers, if their statistics are normally
+distributed."""
 
 FEWEST = 3
-"""Smallest number of trials of the same mounting, or of other mountings, for a comparison."""
+"""Smallest number of earlier trials of the same mounting, or of other mountings, with which a
+trial is compared."""
 
 SMALLEST_SHARE = 0.02
-"""A deviation below this fraction of the usual value is not an outlier."""
+"""A trial that deviates by less than this fraction of the usual value is not an outlier."""
 
 Statistics = Mapping[str, float]
 
 
 class Range(NamedTuple):
-    """Prediction interval of a statistic of the next trial: ``centre`` +/- ``half_width``."""
+    """Prediction interval for a statistic of the next trial: ``centre`` +/- ``half_width``."""
 
     centre: float
     half_width: float
 
 
 def summarise_tension(tension_n: ArrayLike) -> dict[str, float]:
-    """Return mean and standard deviation of the tension in a window [N]; empty without samples."""
+    """Return mean and standard deviation of the tension in a window [N].
+
+    The dictionary is empty if there is no sample, or if one is not finite.
+    """
     values = np.asarray(tension_n, dtype=np.float64)
     if values.size == 0 or not np.isfinite(values).all():
         return {}
@@ -75,9 +80,10 @@ def usual_range(
 ) -> Range | None:
     """Return the prediction interval of a statistic; None if there are too few earlier trials.
 
-    If there are at least `FEWEST` trials of the same mounting, the interval is their mean plus and
-    minus t s sqrt(1 + 1/n), where s is the standard deviation within all mountings. Otherwise, the
-    trial is compared with the means of at least `FEWEST` other mountings.
+    If there are n >= `FEWEST` trials of the same mounting, the interval is their mean plus and
+    minus t s sqrt(1 + 1/n), where s is the pooled standard deviation within mountings, and t is a
+    quantile of Student's distribution. Otherwise, the interval is computed from the means of at
+    least `FEWEST` other mountings.
 
     Parameters
     ----------
@@ -86,9 +92,10 @@ def usual_range(
     mounting_id : str
         Mounting of the trial.
     earlier : sequence
-        Mounting and statistics of earlier trials of the same object and contact.
+        Mounting and statistics of each earlier trial of the same object and contact.
     count : int
-        Number of statistics that are compared; they share the rate of false alarms.
+        Number of statistics that are compared. `FALSE_ALARMS` is divided by it (Bonferroni
+        correction).
     """
     known = sorted((m, s[name]) for m, s in earlier if name in s)
     mountings = {
@@ -120,7 +127,7 @@ def _interval(centre: float, spread: float, freedom: int, count: int) -> Range:
 def find_outlier(
     statistics: Statistics, mounting_id: str, earlier: Sequence[tuple[str, Statistics]]
 ) -> str | None:
-    """Return how a trial differs from earlier ones; None if it is no outlier."""
+    """Return a sentence on how a trial differs from earlier ones; None if it is no outlier."""
     for name, value in statistics.items():
         usual = usual_range(name, mounting_id, earlier, len(statistics))
         if usual is not None and abs(value - usual.centre) > usual.half_width:
@@ -143,9 +150,10 @@ MOST_FAILURES = 3
 
 @dataclass(frozen=True)
 class TrialOrder:
-    """A planned trial to be run, with the ids of this attempt.
+    """An attempt at a planned trial, to be run by a `TrialBackend`.
 
-    It is trial ``number`` of ``count``. ``following`` says in words what comes after it.
+    ``number`` and ``count`` are for the progress display: trial 3 of 40. ``following`` is a text
+    about the next trial.
     """
 
     planned: PlannedTrial
@@ -160,7 +168,7 @@ class TrialOrder:
 
 @dataclass(frozen=True)
 class TrialResult:
-    """Result of a trial that ended as planned.
+    """Result of a trial that was run to its end.
 
     Attributes
     ----------
@@ -169,7 +177,7 @@ class TrialResult:
     sentence : str
         Summary of the recording.
     statistics : dict
-        Values to find outliers.
+        Statistics of the tension, which are used to find outliers.
     """
 
     problem: str | None = None
@@ -178,28 +186,28 @@ class TrialResult:
 
 
 RunTrial = Callable[[TrialOrder], TrialResult]
-"""Runs a trial; returns when its recording is on the disk.
+"""Function that runs a trial and returns when its recording is on the disk.
 
-Raises `TactileError` when the trial does not end as planned, and `ExperimentError` when no further
-trial is possible, for example because the disk is full.
+It raises `TactileError` when the trial fails, and `ExperimentError` when no further trial is
+possible, for example because the disk is full.
 """
 
 
 class TrialBackend(Protocol):
-    """Backend that runs trials on a rig."""
+    """Interface of a rig on which trials are run."""
 
     def session(self, bag: Path) -> AbstractContextManager[RunTrial]:
-        """Start the rig and record into ``bag``; end both with the block."""
+        """Start the rig and a recording into ``bag``; end both with the block."""
 
     def read_setup(self) -> dict[str, str]:
-        """Return the set-up of the running rig: parameters, firmware and so on."""
+        """Return the set-up of the running rig: parameters and identification of devices."""
 
 
 class Operator:
-    """Mounts plates and objects, and decides after failed trials and outliers.
+    """The person who mounts plates and objects, and decides after failed trials and outliers.
 
-    This base class runs without a person: a failed trial is repeated once, and a second failure is
-    an error.
+    This base class needs no person: it repeats a failed trial once, and raises an error if the
+    trial fails again.
     """
 
     has_given_up = False
@@ -212,18 +220,21 @@ class Operator:
         self._output.say(text)
 
     def begin_session(self, session_id: str, trials: int) -> bool:
-        """Return True when finger and rig are set up for a session, False to stop before it."""
+        """Wait until finger and rig are set up for a session; return False to stop before it."""
         return True
 
     def accept_setup(self, changes: Sequence[str]) -> bool:
-        """Return True to continue with a set-up that differs from the last start."""
+        """Return True to continue although the set-up has changed since the last start."""
         return True
 
     def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
-        """Return when the object is under the finger."""
+        """Wait until the object of the trial is under the finger.
+
+        ``turns_finger`` is True if the finger must be turned for the other contact.
+        """
 
     def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
-        """Return what to do about a failed trial or an outlier."""
+        """Return what to do after a failed trial or an outlier: `AGAIN`, `KEEP` or `STOP`."""
         if verdict != FAILED:
             return KEEP
         if order.trial_id != order.planned.key:  # this was the second attempt
@@ -249,13 +260,13 @@ class Terminal(Operator):
 
     def begin_session(self, session_id: str, trials: int) -> bool:
         text = (
-            f'session {session_id}, {trials} trials: set up finger and rig, unless the session '
-            'has started; then press Enter (s: stop here, continue on another day)'
+            f'session {session_id}, {trials} trials: set up finger and rig (not if the session '
+            'has already started), then press Enter (s: stop here, continue on another day)'
         )
         return self._ask(text) != 's'
 
     def accept_setup(self, changes: Sequence[str]) -> bool:
-        self._output.say('the set-up differs from the last start:')
+        self._output.say('the set-up has changed since the last start:')
         self._output.say(*(f'   {line}' for line in changes))
         if self._accepts_setup:
             return True
@@ -279,7 +290,7 @@ class Terminal(Operator):
 
 
 class NonInteractive(Terminal):
-    """Operator without a person: failed trials are repeated, outliers are kept."""
+    """Operator for the simulated rig: repeats failed trials, keeps outliers, never prompts."""
 
     _failures = 0
 
@@ -305,16 +316,18 @@ def run_experiment(
     journal: Journal,
     appended: Sequence[PlannedTrial] = (),
 ) -> tuple[Progress, str | None]:
-    """Run all remaining trials, unless the operator stops; return the progress and the reason.
+    """Run all remaining trials, unless the operator stops.
 
-    Every step is written to the journal before and after it happens. A trial is done when its
-    entry is on the disk; the entry is written after the recording. Therefore no trial is lost, and
-    none is counted twice. The reason says why trials remain; it is None if no trial remains.
+    Returns the progress, and the reason why trials remain, which is None if none remains.
+
+    Every step is written to the journal before and after it. A trial is done when its entry is on
+    the disk, and the entry is written after the recording. Therefore no trial is lost, and none is
+    counted twice.
 
     Parameters
     ----------
     appended : sequence of PlannedTrial
-        A block that is appended to the order once the rig has started.
+        A block of trials that is appended to the order once the rig has started.
 
     Raises
     ------
@@ -341,7 +354,7 @@ def run_experiment(
 
 
 def list_changes(old: dict[str, str], new: dict[str, str]) -> list[str]:
-    """Return one line for each value of a set-up that differs."""
+    """Return one line for each value that differs between two set-ups."""
     return [
         f'{name}: {old.get(name, "unknown")} -> {new.get(name, "unknown")}'
         for name in sorted({*old, *new})
@@ -359,13 +372,14 @@ class TrialLoop:
     contact: str = ''
 
     def note(self, kind: str, **values: Any) -> None:
-        """Write an entry, and update the progress."""
+        """Write an entry to the journal, and update the progress."""
         self.progress.take(note(self.journal, kind, **values))
 
     def check_setup(self, setup: dict[str, str], session_id: str) -> bool:
-        """Note the set-up; return False when it differs and the operator does not accept it.
+        """Write the set-up to the journal.
 
-        The first set-up is accepted without a question.
+        If the set-up has changed and the operator does not accept the changes, return False
+        instead. The first set-up is accepted without a question.
         """
         changes = list_changes(self.progress.setup, setup) if self.progress.setup else []
         if changes and not self.operator.accept_setup(changes):
@@ -374,7 +388,7 @@ class TrialLoop:
         return True
 
     def run_session(self, session_id: str, run_trial: RunTrial) -> bool:
-        """Run the remaining trials of a session; return whether to continue with the next one."""
+        """Run the remaining trials of a session; return False if the operator stops."""
         mounted, mounting_id, count = 0, '', 0
         while left := self.progress.left(session_id):
             trial = left[0]
@@ -412,7 +426,7 @@ class TrialLoop:
         return mounting_id
 
     def _run_trial(self, order: TrialOrder, run_trial: RunTrial) -> bool:
-        """Run one attempt at a trial; return whether to continue."""
+        """Run one attempt at a trial; return False if the operator stops."""
         trial = order.planned
         names = {'key': trial.key, 'trial_id': order.trial_id, 'mounting_id': order.mounting_id}
         self.note(BEGAN, **names)
@@ -462,7 +476,7 @@ class TrialLoop:
 
 
 def _describe_next(trial: PlannedTrial, following: PlannedTrial | None) -> str:
-    """Return what comes after a trial in its session."""
+    """Return a text about the trial that follows in the session."""
     if following is None:
         return 'end of the session'
     what = f'{following.object_label}, {following.contact}'
@@ -470,7 +484,7 @@ def _describe_next(trial: PlannedTrial, following: PlannedTrial | None) -> str:
 
 
 def format_seconds(seconds: float) -> str:
-    """Return a duration as text."""
+    """Return a duration as text, in s, min or h."""
     if seconds < 90:
         return f'{seconds:.0f} s'
     minutes = round(seconds / 60)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plan of an experiment: objects, repetitions, order."""
+"""The plan of an experiment, and the random order of its trials."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.yaml_files import Dumper, load_yaml, read_text
 
 MAX_BYTES = 2**20
-"""Largest file of a plan or an order [byte]; about 10,000 trials."""
+"""Largest size of a file with a plan or an order [byte]; enough for about 10,000 trials."""
 
 MAX_TRIALS = 10_000
 """Largest number of trials of an experiment."""
@@ -32,7 +32,7 @@ _LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}')
 
 
 class ExperimentError(TactileError):
-    """A plan or an experiment's folder is unusable; the message has the reason."""
+    """A plan or the folder of an experiment cannot be used; the message states the reason."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,13 @@ class ExperimentPlan:
     trials : int
         Trials in each mounting.
     specimens : int
-        Number of plates or objects of each label; mountings of a label alternate between them.
-        If there are several, an evaluation can hold out one specimen (``--group specimen``).
+        Number of plates or objects of each label; the mountings of a label alternate between
+        them. If there are several, an evaluation can hold out one specimen (``--group specimen``).
     seed : int
         Seed of the random order.
     glide_speed_m_s, hold_s : float
-        Speed [m/s] and time [s]; 0 for the values of the trial runner.
+        Sliding speed of texture trials [m/s], and duration of the hold of stiffness trials [s]; 0
+        for the parameters of the trial runner.
 
     Raises
     ------
@@ -127,18 +128,19 @@ class ExperimentPlan:
 
 @dataclass(frozen=True)
 class PlannedTrial:
-    """One trial of the order.
+    """One planned trial.
 
     Attributes
     ----------
     key : str
-        Name in the journal, such as ``grooves-s01-m03-t02``.
+        Name of the planned trial, such as ``grooves-s01-m03-t02``.
     mounting : int
-        Number within the session; the object is mounted when it changes.
+        Number of the mounting within the session. Consecutive trials with the same number share
+        one mounting.
     trial : int
-        Number within the mounting, from 1.
+        Number of the trial within the mounting, from 1.
     specimen : str
-        Name of the plate or object, such as ``R1-2``; empty if there is one of each label.
+        Name of the plate or object, such as ``R1-2``; empty if each label has a single one.
     """
 
     key: str
@@ -151,16 +153,18 @@ class PlannedTrial:
 
 
 def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[PlannedTrial]:
-    """Return the order of a session, which depends only on plan, session and ``first``.
+    """Return the trials of a session in a random order.
 
-    A block has each object once, in random order, so that slow drift of the rig affects all
-    objects equally. All blocks of a contact follow each other, because the finger has to be turned
-    for the other contact. The order of the contacts is random, too. Each block has the next
-    specimen of each object; sessions continue where the session before ends.
+    The order is reproducible: it depends only on plan, session and ``first``. The session consists
+    of blocks. A block has one mounting of each object, in random order, so that slow drift of the
+    rig affects all objects equally. All blocks of one contact come before those of the other
+    contact, because the finger must be turned in between. Which contact comes first is random.
+    From block to block, the specimens of a label alternate, also from one session to the next.
 
-    ``first`` is the number of the first mounting, for blocks that are appended to a session.
+    ``first`` is the number of the first mounting. It is not 1 for a block that is appended to a
+    session.
     """
-    # Python's generator, because shuffling with a string as seed is stable across its versions.
+    # Python's random module is used, because its results do not change between versions.
     generator = random.Random(f'{plan.seed}/{session_id}/{first}')
     contacts = list(plan.contacts)
     generator.shuffle(contacts)
@@ -202,7 +206,7 @@ def read_plan(path: Path) -> ExperimentPlan:
 
 
 def parse_plan(document: Any, name: str) -> ExperimentPlan:
-    """Return the plan in a YAML document; ``name`` is used if the document has none.
+    """Return the plan in a YAML document; ``name`` is the default for its entry ``name``.
 
     Raises `ExperimentError` when an entry is missing, unknown or invalid.
     """
@@ -223,19 +227,19 @@ def parse_plan(document: Any, name: str) -> ExperimentPlan:
 
 
 def format_plan(plan: ExperimentPlan) -> str:
-    """Return the plan as YAML, with a comment on each entry."""
+    """Return the plan as YAML, with a comment about each entry."""
     comments: Mapping[str, str] = {
         'name': 'prefix of the names of sessions and trials',
         'protocol': ' or '.join(PROTOCOLS),
         'objects': 'labels of the plates or objects',
         'contacts': ' and '.join(CONTACTS),
-        'sessions': 'number of sessions, each with a new set-up of the rig; best on several days',
-        'mountings': 'mountings of each object, in each session and contact',
-        'trials': 'trials in each mounting',
-        'specimens': 'plates or objects of each label; mountings alternate between them',
+        'sessions': 'number of sessions; the rig is set up again for each, best on another day',
+        'mountings': 'number of mountings of each object, in each session and contact',
+        'trials': 'number of trials in each mounting',
+        'specimens': 'number of plates or objects of each label; mountings alternate between them',
         'seed': 'seed of the random order',
-        'glide_speed_m_s': 'speed over the plate [m/s]; 0 for the value of the trial runner',
-        'hold_s': 'time to hold the finger on the object [s]; 0 for the value of the trial runner',
+        'glide_speed_m_s': 'speed over the plate [m/s]; 0 for the parameter of the trial runner',
+        'hold_s': 'duration of the hold [s]; 0 for the parameter of the trial runner',
     }
     lines = ['# Plan of an experiment; run it with: tactile experiment FILE']
     for item, comment in comments.items():
@@ -258,14 +262,14 @@ def format_order(order: list[PlannedTrial]) -> str:
 
 
 def parse_order(text: str) -> list[PlannedTrial]:
-    """Return the order from the text that `format_order` has written.
+    """Parse the text that `format_order` has written.
 
     Raises `ExperimentError` when the text is invalid, or contains a trial twice.
     """
     order = []
     rows = csv.reader(io.StringIO(text), strict=True)
     try:
-        # Orders of earlier versions have no specimens.
+        # Files of earlier versions have no column for the specimen.
         if tuple(next(rows, ())) not in (_COLUMNS, _COLUMNS[:-1]):
             raise ExperimentError(f'its first line must be {",".join(_COLUMNS)}')
         for key, session_id, mounting, trial, contact, label, *specimen in rows:
@@ -279,7 +283,7 @@ def parse_order(text: str) -> list[PlannedTrial]:
     except (ValueError, csv.Error) as error:
         raise ExperimentError(f'line {rows.line_num}: {error}') from error
     if len({trial.key for trial in order}) < len(order):
-        raise ExperimentError('it contains a trial twice; undo the change')
+        raise ExperimentError('a trial occurs twice; undo the change of the file')
     return order
 
 

@@ -1,20 +1,20 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings from the simulated rig, computed faster than real time.
+"""Bags of simulated trials, computed faster than real time.
 
-The bags contain the same messages as a live recording: strain blocks and trial events. All of
-them are marked as simulated.
+The bags contain the same messages as a live recording: strain blocks and trial events. All
+messages are marked as simulated.
 
-Trials are simulated and converted to bytes by `simulate_chunk`, a function of plain arguments
-with a small result, which joblib may run in any worker. No back-end is chosen here, so it can be
-configured, for example to use a cluster:
+joblib runs `simulate_chunk` in workers, which simulates some trials and converts them to bytes.
+Its arguments are small and can be pickled. This module does not select a backend of joblib, so the
+caller can do it, for example to use a cluster:
 
     with joblib.parallel_config(backend='dask'):
         write_simulated_bag(folder, plan, TrialConfig(), FeatureConfig(), jobs=-1)
 
-The workers need the same workspace; only the calling process writes the bag. The bytes of a bag
-do not depend on the number and place of the workers.
+These packages must be installed on the workers. Only the calling process writes the bag. The bytes
+of a bag do not depend on the number and place of the workers.
 """
 
 from __future__ import annotations
@@ -47,16 +47,16 @@ CHUNK_TRIALS = 256
 """Largest number of trials that a worker simulates at a time."""
 
 ROUND_TRIALS = 8192
-"""Approximate number of finished trials that may wait to be written, 10 kB each. A round has at
-least one chunk of each label."""
+"""Approximate number of trials that are simulated before they are written (10 kB each). At least
+one chunk of each label is simulated at a time."""
 
 
 @dataclass(frozen=True)
 class SimulatedBag:
-    """A written bag with the number of its trials.
+    """A bag that was written.
 
-    ``trials`` is the number of trials in the bag, including aborted ones. ``aborted`` has id and
-    time since the first sample [s] of each trial that the simulator aborted.
+    ``trials`` is the number of trials in the bag, including aborted trials. ``aborted`` has for
+    each aborted trial its id, and the time since its first sample at which it was aborted [s].
     """
 
     path: Path
@@ -91,7 +91,7 @@ def write_simulated_bag(
     jobs : int
         Number of processes as in joblib; -1 for all cores.
     on_trials : callable
-        Called with the number of trials that were written since the last call.
+        Called with the number of trials that have been written since the last call.
 
     Raises
     ------
@@ -146,11 +146,12 @@ def _simulate(
     catalogue: Catalogue,
     jobs: int | None,
 ) -> Iterator[SimulatedTrial]:
-    """Yield a plan's trials in the order of the bag, round by round."""
+    """Simulate the trials of a plan; yield them in the order of the bag."""
     labels = catalogue.labels(plan.protocol)
     groups = _chunk_groups(plan, labels)
     largest = min(plan.trials_per_label, CHUNK_TRIALS) * len(labels)
-    # In rounds, because joblib would simulate far ahead of a slow writer.
+    # Limit the work in progress: joblib would otherwise simulate much faster than the bag is
+    # written.
     with Parallel(n_jobs=jobs, return_as='generator') as parallel:
         while taken := list(islice(groups, max(1, ROUND_TRIALS // largest))):
             done = parallel(
@@ -168,7 +169,7 @@ def _simulate(
 
 
 def _chunk_groups(plan: SimulationPlan, labels: Sequence[str]) -> Iterator[list[TrialChunk]]:
-    """Yield the chunks of all labels with the same sessions and trial numbers."""
+    """Yield lists of chunks. A list has one chunk for each label, with the same trial numbers."""
     for session in range(plan.sessions):
         for first in range(0, plan.trials_per_label, CHUNK_TRIALS):
             count = min(CHUNK_TRIALS, plan.trials_per_label - first)
@@ -180,14 +181,14 @@ def _chunk_groups(plan: SimulationPlan, labels: Sequence[str]) -> Iterator[list[
 
 
 def _state_loss(data: bytes, lost_before: int) -> bytes:
-    """Return a strain block with the number of missing samples before it."""
+    """Return a serialized strain block in which ``lost_before`` is set."""
     block = message_store().deserialize_cdr(data, STRAIN)
     block.lost_before = lost_before  # type: ignore[attr-defined]
     return bytes(message_store().serialize_cdr(block, STRAIN))
 
 
 def paper_plans(trials: int, sessions: int, seed: int) -> Sequence[SimulationPlan]:
-    """Return the four sets in the paper: texture and stiffness, flexion and abduction.
+    """Return plans for the four sets of trials in the paper: each protocol with each contact.
 
     ``trials`` is the number of trials on each plate or object in each session.
     """

@@ -3,8 +3,8 @@
 
 """Simulated trials as messages: planning, simulation and conversion to bytes, in chunks.
 
-Workers run `simulate_chunk`, a function of plain arguments with a small result, so that it can
-run in another process or on another computer.
+Workers run `simulate_chunk`, also in other processes or on other computers. Therefore its
+arguments and its result are small and can be pickled.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from tactile_sim.physics.motion import Move, move_duration_s, Timeline
 from tactile_sim.physics.trials import simulate_trials
 
 SAMPLES_PER_BLOCK = 60
-"""Samples per block; long blocks are faster to write and to read."""
+"""Number of samples per strain block. Long blocks are faster to write and to read."""
 
 EPOCH_NS = 1_600_000_000_000_000_000
-"""Start of simulated time, which is constant so that the same seed gives the same bytes [ns]."""
+"""Stamp of the first sample [ns]. It is constant, so that the same seed gives the same bytes."""
 
 IDLE_S = 0.2
-"""Rest before and after a trial [s]."""
+"""Time at rest before and after each trial [s]."""
 
 
 @dataclass(frozen=True)
 class TrialSchedule:
-    """Plan of a trial: start of each phase, motion of the devices, number of samples."""
+    """Plan of a trial: start of each phase [s], motion of the devices, number of samples."""
 
     phases: tuple[tuple[str, float], ...]
     timeline: Timeline
@@ -56,10 +56,10 @@ class TrialSchedule:
 def plan_trial(
     config: TrialConfig, request: TrialRequest, catalogue: Catalogue | None = None
 ) -> TrialSchedule:
-    """Compute start and end of each step of a trial, for devices that respond immediately.
+    """Compute the times of the steps of a trial, for devices that respond immediately.
 
-    The guide is at the start position already; its return is omitted, because nothing is
-    measured during it.
+    The guide begins at the start position. Its return at the end is omitted, because nothing is
+    measured during the return.
     """
     now_s = IDLE_S
     guide_m, tendon_m = config.guide_start_m, 0.0
@@ -85,7 +85,7 @@ def plan_trial(
             now_s += move_duration_s(distance_m, step.speed_m_s, tendon_m_s2)
             tendon_m = step.displacement_m
     phases.append(('done', now_s))
-    # Whole numbers of samples of the sensor's clock, so that trials follow without a gap.
+    # A trial lasts a whole number of sample periods, so that the next one follows without a gap.
     period_s = rig.load_cell.period_s
     sample_count = math.ceil((now_s + IDLE_S) / period_s)
     timeline = Timeline(guide_moves, tendon_moves, sample_count * period_s, config.guide_start_m)
@@ -94,7 +94,7 @@ def plan_trial(
 
 @dataclass(frozen=True)
 class SimulationPlan:
-    """One bag of simulated trials, with every label of a protocol.
+    """Plan of a bag of simulated trials, with every label of a protocol.
 
     Attributes
     ----------
@@ -103,11 +103,11 @@ class SimulationPlan:
     seed : int
         The same seed gives the same bag.
     sessions : int
-        Number of sessions; trials of a session share the deviations of its set-up.
+        Number of sessions. Trials of a session share the random deviations of the set-up.
     glide_speed_m_s : float or None
-        Speed over the plate [m/s]; None for the configured speed.
+        Sliding speed over the plate [m/s]; None for the speed in the `TrialConfig`.
     trials_per_mounting : int
-        Trials of a label and session that share one mounting.
+        Number of consecutive trials of a label that share one mounting.
     """
 
     protocol: str
@@ -126,7 +126,7 @@ class SimulationPlan:
         return f'{name}_{1e3 * self.glide_speed_m_s:g}mm_s'
 
     def configure(self, config: TrialConfig) -> TrialConfig:
-        """Return the configuration with this plan's speed over the plate."""
+        """Return the configuration with the sliding speed of this plan."""
         if self.glide_speed_m_s is None:
             return config
         return replace(config, glide_speed_m_s=self.glide_speed_m_s)
@@ -140,8 +140,9 @@ class SimulationPlan:
 class TrialChunk:
     """Consecutive trials on one plate or object in one session.
 
-    ``first`` and ``count`` select the trials ``first`` to ``first + count - 1``. ``row`` is the
-    place of the first trial in the bag, and ``row_step`` the distance to the next one.
+    The chunk has the trials ``first`` to ``first + count - 1`` of the label and session. ``row``
+    is the index of the first of them in the bag; from one trial to the next, the index increases
+    by ``row_step``.
     """
 
     label: str
@@ -159,11 +160,12 @@ class SimulatedTrial:
     Attributes
     ----------
     messages : list
-        Time [ns], type and bytes (CDR) of each message, in the order of time.
+        Time [ns], type and serialized bytes (CDR) of each message, in the order of time.
     missing_samples : int
-        Number of samples at its end that the simulator could not compute.
-    failed_at_s : float
-        Time at which the simulator failed, since the trial's first sample [s].
+        Number of samples at the end of the trial that the simulator could not compute.
+    failed_at_s : float or None
+        Time since the first sample at which the simulator found no equilibrium [s]; None if the
+        trial is complete.
     """
 
     trial_id: str
@@ -179,7 +181,7 @@ def simulate_chunk(
     catalogue: Catalogue,
     chunk: TrialChunk,
 ) -> list[SimulatedTrial]:
-    """Simulate the trials of a chunk and convert them to bytes, in a worker."""
+    """Simulate the trials of a chunk and convert them to bytes; runs in a worker."""
     trials = simulate_trials(
         plan.protocol,
         chunk.label,
@@ -208,7 +210,7 @@ def simulate_chunk(
 
 
 class _TrialRecorder:
-    """Converts one trial to messages; trials follow each other in simulated time without gaps."""
+    """Converts one trial to messages. In simulated time, trials follow each other without gaps."""
 
     def __init__(
         self,

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Access rules of the live page and of commands that move the rig, without a server."""
+"""Access rules of the live page: which requests and commands are accepted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactile_ros.errors import TactileError
 ACTIONS = ('stop', 'release', 'reset', 'tare', 'home', 'trial')
 
 OF_ALL_FINGERS = ('stop', 'release', 'reset')
-"""Actions that affect the whole rig, without a finger's name."""
+"""Actions that apply to all fingers; their commands need no name of a finger."""
 
 LONGEST_COMMAND = 4096
 LONGEST_NAME = 200
@@ -31,15 +31,15 @@ HEADERS = {
     'Referrer-Policy': 'no-referrer',
     'Cache-Control': 'no-store',
 }
-"""Headers of every response: no external content, and no embedding in other pages."""
+"""Headers of every response. They forbid external content, and embedding in other pages."""
 
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """Address and port to listen on, and the token that is required for motion.
+    """Address and port of the live page, and the token that commands require, except Stop.
 
-    Port 0 selects the usual port, or any free one. Consecutive servers with the same options share
-    the token.
+    Port 0 selects the default port, or any free port if the default one is in use. Servers that
+    are started with the same options one after the other have the same token.
     """
 
     host: str = '127.0.0.1'
@@ -48,15 +48,16 @@ class WatchOptions:
 
 
 class CommandError(TactileError):
-    """A page has sent an invalid command; the message has the reason."""
+    """A page has sent an invalid command; the message states the reason."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """Command from a page: one of `ACTIONS`, for the finger with this namespace.
+    """A command from a page.
 
-    Actions in `OF_ALL_FINGERS` apply to all fingers. The page takes ``token`` from its address.
-    The message about the result of the command has the same ``id``.
+    ``action`` is one of `ACTIONS`, and ``finger`` a namespace, which actions in `OF_ALL_FINGERS`
+    ignore. ``token`` is from the address of the page. The message about the result of the command
+    has the same ``id``.
     """
 
     action: str
@@ -80,7 +81,9 @@ def read_command(text: str) -> Command:
     def text_of(key: str) -> str:
         value = document.get(key, '')
         if not isinstance(value, str) or len(value) > LONGEST_NAME or not value.isprintable():
-            raise CommandError(f'{key} must be a string of at most {LONGEST_NAME} letters')
+            raise CommandError(
+                f'{key} must be a printable string of at most {LONGEST_NAME} characters'
+            )
         return value
 
     action = text_of('do')
@@ -103,9 +106,10 @@ def read_command(text: str) -> Command:
 
 @dataclass(frozen=True)
 class Access:
-    """The access rules of a server on a port.
+    """The access rules of a server.
 
-    Pages may be requested by the computer's name, by IP addresses and as ``localhost``.
+    ``name`` is the name of the computer. In the address of the page, the host may be this name, an
+    IP address or ``localhost``.
     """
 
     port: int
@@ -113,15 +117,15 @@ class Access:
     token: str
 
     def refuse_request(self, host: str, origin: str | None, *, is_socket: bool) -> str | None:
-        """Return why a request is refused, or None.
+        """Return why a request is refused, or None if it is accepted.
 
-        DNS rebinding needs a foreign name in ``Host``; IP addresses are safe. Browsers send the
-        ``Origin`` of the page with every WebSocket.
+        Other names in the header ``Host`` are refused, because DNS rebinding uses them. Other
+        pages are refused by the header ``Origin``, which browsers send with every WebSocket.
         """
         if not self._is_ours(host):
             return 'this host name is not served; open the address that the command printed'
         if origin is None:
-            return 'a WebSocket needs an Origin' if is_socket else None
+            return 'a WebSocket request needs the header Origin' if is_socket else None
         if origin != f'http://{host}':
             return 'requests from other pages are refused'
         return None
@@ -143,14 +147,14 @@ class Access:
         return True
 
     def refuse_command(self, command: Command) -> str | None:
-        """Return why a command is refused, or None.
+        """Return why a command is refused, or None if it is accepted.
 
-        A stop needs no token, so that everyone who sees the page can stop the rig.
+        The action ``stop`` needs no token, so that everyone who sees the page can stop the rig.
         """
         if command.action == 'stop' or self.is_token(command.token):
             return None
         return 'this page can only show and stop; open the full address that the command printed'
 
     def is_token(self, text: str) -> bool:
-        """Compare a text with the token, in constant time."""
+        """Return True if a text is the token. The comparison takes constant time."""
         return secrets.compare_digest(text.encode(), self.token.encode())

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The buttons of the live page."""
+"""The actions of the buttons on the live page."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ REMEDY = 'bring the rig to rest with its switch'
 
 
 class WatchControls:
-    """Actions of the page's buttons, through services and actions of the fingers' nodes.
+    """The actions of the buttons on the live page. They call services and actions of the nodes.
 
-    ``before_trial`` is called with the request before a trial starts; it mounts the object under a
-    simulated finger.
+    ``before_trial`` is called with the request before a trial starts. With a simulated rig, it
+    mounts the object under the finger.
     """
 
     def __init__(
@@ -53,20 +53,22 @@ class WatchControls:
     async def stop(self) -> str:
         """End sessions, cancel trials, stop guides and tendons, all in parallel.
 
-        Each rig stays stopped until `reset`. Returns the nodes that have confirmed. Raises
-        `TactileError` when there is nothing to stop, or a node has not confirmed.
+        The rigs remain stopped until `reset`. Returns a sentence with the names of the nodes that
+        have confirmed. Raises `TactileError` when no node can be stopped, or one has not
+        confirmed.
         """
         self._node.state.was_stopped = True
         for operator, _ in self._operators.values():
-            with suppress(RuntimeError):  # its executor has been shut down
+            with suppress(RuntimeError):  # the executor of the operator node has been shut down
                 operator.stop()
         clients = self._node.stop_clients()
-        # Sessions are stopped first, because a cancelled trial must not be repeated.
+        # Sessions are ended first, so that they do not repeat a cancelled trial.
         order = sorted(clients, key=lambda path: not path.endswith(CANCEL))
         answers = await asyncio.gather(
             *(self._stop_one(clients[path], path) for path in order), return_exceptions=True
         )
-        confirmed: dict[str, None] = {}  # without repetitions: trial runners are called twice
+        # Dictionaries instead of lists, because trial runners have two services and occur twice.
+        confirmed: dict[str, None] = {}
         silent: dict[str, None] = {}
         for path, answer in zip(order, answers, strict=True):
             if answer is None:
@@ -74,9 +76,9 @@ class WatchControls:
             is_bad = isinstance(answer, BaseException) or getattr(answer, 'success', True) is False
             (silent if is_bad else confirmed)[_node_name(path)] = None
         if not silent and not confirmed:
-            raise TactileError(f'stop: no node that can stop is known; {REMEDY}')
+            raise TactileError(f'stop: no node was found that can be stopped; {REMEDY}')
         if silent:
-            raise TactileError(f'stop: no confirmation from {", ".join(silent)}; {REMEDY}')
+            raise TactileError(f'stop: not confirmed by {", ".join(silent)}; {REMEDY}')
         return f'stop: confirmed by {", ".join(confirmed)}'
 
     async def release(self) -> str:
@@ -84,7 +86,7 @@ class WatchControls:
         return await self._ask_all('release', RELEASES)
 
     async def reset(self) -> str:
-        """End the stopped state of all rigs; this moves nothing and continues no session."""
+        """End the stopped state of all rigs. Nothing moves, and no session continues."""
         return await self._ask_all('reset', RESETS)
 
     async def _ask_all(self, action: str, names: tuple[str, ...]) -> str:
@@ -103,11 +105,11 @@ class WatchControls:
             if answer is not None:
                 done.append(_node_name(path))
         if not done:
-            raise TactileError(f'{action}: no node with this service is known')
+            raise TactileError(f'{action}: no node was found that has this service')
         return f'{action}: done by {", ".join(done)}'
 
     async def tare(self, finger: str) -> str:
-        """Set the tension to zero."""
+        """Tare the sensor of a finger."""
         path = place_of(finger, TARE)
         client = self._node.client_of(path)
         if client is None:
@@ -118,11 +120,11 @@ class WatchControls:
         return f'tare: {answer.message}'
 
     async def home(self, finger: str) -> str:
-        """Home the guide."""
+        """Home the guide of a finger."""
         return await asyncio.to_thread(self._operator(finger).home_guide)
 
     async def trial(self, finger: str, request: TrialRequest) -> str:
-        """Run a trial."""
+        """Run a trial with a finger."""
         operator = self._operator(finger)
         await asyncio.to_thread(self._before_trial, request)
         return f'{await asyncio.to_thread(operator.run_trial, request)}: done'
@@ -140,13 +142,19 @@ class WatchControls:
         return operator
 
     async def _stop_one(self, client: Any, path: str) -> Any:
-        """Return a service's response; None if it has no server and need not confirm."""
+        """Call a service, and return its response.
+
+        Return None if the service has no server, and its confirmation is not required.
+        """
         if not self._node.must_confirm(path) and not await _is_there(client, FIND_TIMEOUT_S):
             return None
         return await self._call(client, path)
 
     async def _call(self, client: Any, path: str) -> Any:
-        """Call a service until it responds. All these requests may be executed twice."""
+        """Call a service repeatedly until it responds; return the response.
+
+        The request may be executed twice, which does no harm for these services.
+        """
 
         async def call() -> Any:
             await _is_there(client, ANSWER_TIMEOUT_S)
@@ -161,7 +169,7 @@ class WatchControls:
 
 
 async def _is_there(client: Any, timeout_s: float) -> bool:
-    """Wait for the server of a client, which is discovered a moment after its creation."""
+    """Wait until the client has found its server; return False after ``timeout_s``."""
     deadline_s = time.monotonic() + timeout_s
     while not client.service_is_ready():
         if time.monotonic() > deadline_s:
@@ -171,7 +179,7 @@ async def _is_there(client: Any, timeout_s: float) -> bool:
 
 
 def _node_name(path: str) -> str:
-    """Return the name of a node with its namespace, from the name of one of its services."""
+    """Return the full name of a node from the full name of one of its services."""
     path = path.strip('/').removesuffix('/run_trial/_action/cancel_goal')
     for service in ('/stop', '/release', '/reset'):
         path = path.removesuffix(service)

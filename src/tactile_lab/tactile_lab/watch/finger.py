@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One finger on the live page: samples reduced for a plot, phases, predictions; without ROS."""
+"""State of one finger on the live page: points of the plot, phases, predictions. Without ROS."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from tactile_features.types import (
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 BUCKET_NS = 10_000_000
-"""Time bucket of a plot [ns]: one pixel of a plot of 10 s. If a bucket has more than two samples,
-it is drawn with two points."""
+"""Width of a time bucket of the plot [ns], which is one pixel. The samples of a bucket are drawn
+with at most two points."""
 
 
 class Point(NamedTuple):
-    """One point of a plot. If the tension is None, the line is broken here.
+    """One point of the plot.
 
-    The reason is that samples are missing or NaN.
+    If the tension is None, the line has a gap here, because samples are missing or NaN.
     """
 
     stamp_ns: int
@@ -46,11 +46,11 @@ class Point(NamedTuple):
 
 
 class Decimator:
-    """Reduces blocks of samples to points of a plot.
+    """Reduces the samples of strain blocks to the points of a plot.
 
-    If a time bucket has at most two samples, they are passed on unchanged. If it has more, the
-    smallest and the largest sample are passed on, each at its own time. The buckets do not depend
-    on the grouping of samples in blocks.
+    Samples are grouped in time buckets. If a bucket has more than two samples, only the smallest
+    and the largest one become points. The result does not depend on how samples are divided into
+    blocks.
     """
 
     def __init__(self) -> None:
@@ -63,9 +63,9 @@ class Decimator:
         self.last_ns: int | None = None
 
     def add(self, block: StrainBlock) -> list[Point]:
-        """Return the points that a block completes, in the order of time.
+        """Add the samples of a block; return the points that are now complete, in order of time.
 
-        A block that is older than earlier samples yields no points.
+        A block that is older than the previous samples is ignored.
         """
         count = len(block.tension_n)
         if not count or (self.last_ns is not None and block.stamp_ns <= self.last_ns):
@@ -81,14 +81,14 @@ class Decimator:
             if self._open and self._open[0][0] // BUCKET_NS != buckets[start]:
                 points += self._close()
             self._take(stamps_ns[start:end], block.tension_n[start:end])
-        if block.period_ns * 2 > BUCKET_NS:  # slow: each sample is a point
+        if block.period_ns * 2 > BUCKET_NS:  # slow sensor: each sample is a point
             points += self._close()
         self._next_sequence = block.sequence + count
         self.last_ns = int(stamps_ns[-1])
         return points
 
     def _take(self, stamps_ns: NDArray[np.int64], tension_n: NDArray[np.float64]) -> None:
-        """Add samples of one bucket; keep the smallest, the largest and one that is NaN."""
+        """Add samples of one bucket; keep the smallest, the largest, and one NaN if any."""
         known = [*self._open, *zip(stamps_ns.tolist(), tension_n.tolist(), strict=True)]
         numbers = [sample for sample in known if math.isfinite(sample[1])]
         breaks = [sample for sample in known if not math.isfinite(sample[1])][:1]
@@ -108,16 +108,16 @@ class Decimator:
 
 
 SHOWN_S = 12.0
-"""Time that points are kept [s]; a page shows slightly less."""
+"""Time for which points are kept [s]. A page shows a slightly shorter time."""
 
 SPECTRUM_S = 3.0
-"""Longest window of the spectrum, as in the paper [s]."""
+"""Longest window of the displayed spectrum [s]; in the paper, all windows have this length."""
 
 FEWEST_SAMPLES = 16
-"""Smallest number of samples of a spectrum."""
+"""Smallest number of samples for a spectrum or a fitted line."""
 
 HIGHEST_HZ = 60.0
-"""Highest frequency of the displayed spectrum of a fast sensor [Hz]."""
+"""Highest displayed frequency of the spectrum [Hz], if the sample rate is high."""
 
 MOST_POINTS = round(SHOWN_S * 1e9 / BUCKET_NS) * 3
 MOST_SAMPLES = 32_768
@@ -127,19 +127,19 @@ SIGNAL_FAULTS = (
     (StrainStatus.SATURATED, 'The sensor is saturated: the tension is beyond its range.'),
     (
         StrainStatus.STUCK,
-        'The tension has not changed for too long: look at the sensor.',
+        'The tension has not changed for too long: check the sensor.',
     ),
     (StrainStatus.DEVICE_ERROR, 'The sensor reports an internal error.'),
     (
         StrainStatus.CLOCK_STEP,
-        "The computer's clock was set: times before and after it cannot be compared.",
+        'The clock of the computer was set: times before and after this cannot be compared.',
     ),
 )
 
 _Kept = TypeVar('_Kept')
 
 MEASURED = (PHASE_GLIDE, PHASE_HOLD, PHASE_PULL)
-"""Phases from which windows are cut."""
+"""Phases in which the feature windows lie."""
 
 
 class Finger:
@@ -150,9 +150,9 @@ class Finger:
     name : str
         Namespace of the finger; empty for the root namespace.
     version : int
-        Increases with every change except new samples.
+        Number that increases with every change, except when samples are added.
     epoch : int
-        Increases when the time restarts; pages then discard what they have drawn.
+        Number that increases when the time jumps back; pages then discard their plots.
     """
 
     def __init__(self, name: str) -> None:
@@ -163,16 +163,17 @@ class Finger:
         self.status = 0
         self.simulated = False
         self._points: deque[Point] = deque(maxlen=MOST_POINTS)
-        self.point_count = 0  # since the start of the epoch
+        self.point_count = 0  # number of points since the start of the epoch
         self._base_ns = 0
         self._decimator = Decimator()
         self._samples: NDArray[np.float64] = np.empty(0)  # samples for the spectrum
         self._sample_ns = 0  # time of the last sample
         self._spans: deque[TrialEvent] = deque(maxlen=64)
-        self._answers: dict[str, tuple[WindowPrediction, str]] = {}  # by model
+        self._answers: dict[str, tuple[WindowPrediction, str]] = {}  # the keys are model ids
         self._models: tuple[ModelInfo, ...] = ()
-        self._windows: dict[str, FeatureWindow] = {}  # of the current trial, by specification
-        # The last hold that has ended: its start, end and window, and its description.
+        # Windows of the current trial; the keys are digests of specifications.
+        self._windows: dict[str, FeatureWindow] = {}
+        # The last hold that has ended: start, end and window, and the result of `hold`.
         self._held: tuple[tuple[Any, ...], dict[str, Any]] | None = None
 
     # -- input ---------------------------------------------------------------------
@@ -186,7 +187,7 @@ class Finger:
         if last_ns is None or block.stamp_ns <= last_ns:
             is_step = block.status & StrainStatus.CLOCK_STEP
             if last_ns is not None and not is_step and last_ns - block.stamp_ns < 1_000_000_000:
-                return  # a late message, which only repeats earlier samples
+                return  # a late message with samples that are already known
             self._begin_anew(block.stamp_ns)
         points = self._decimator.add(block)
         self._points.extend(points)
@@ -229,12 +230,15 @@ class Finger:
         self.version += 1
 
     def take_models(self, models: Sequence[ModelInfo]) -> None:
-        """Set the models of the classifier."""
+        """Set the models that the classifier has loaded."""
         self._models = tuple(models)
         self.version += 1
 
     def names_model(self, answer: WindowPrediction) -> bool:
-        """Return True if several models answer the same question, so that names are needed."""
+        """Return True if several models have the task and contact of a prediction.
+
+        The name of the model is then printed with the prediction.
+        """
         same = (
             model.task == answer.task and len({model.contact, answer.contact} - {''}) < 2
             for model in self._models
@@ -242,7 +246,7 @@ class Finger:
         return sum(same) > 1
 
     def take_answer(self, answer: WindowPrediction) -> str:
-        """Add the prediction of a model; return the stated label of the object, or ''."""
+        """Add the prediction of a model; return the label of the object in the trial, or ''."""
         stated = (e.object_label for e in reversed(self._spans) if e.trial_id == answer.trial_id)
         true_label = next(stated, '')
         _keep_newest(self._answers, answer.model_id, (answer, true_label))
@@ -259,7 +263,10 @@ class Finger:
     # -- output ----------------------------------------------------------------------
 
     def points_since(self, count: int) -> tuple[list[float], list[float | None]]:
-        """Return times since the epoch began [s] and tensions [N] of points after ``count``."""
+        """Return times [s] and tensions [N] of all points after the first ``count`` ones.
+
+        Times and number of points count from the start of the epoch.
+        """
         known = max(0, min(len(self._points), len(self._points) - (self.point_count - count)))
         new = list(islice(self._points, known, None))
         return (
@@ -269,11 +276,11 @@ class Finger:
 
     @property
     def event(self) -> TrialEvent | None:
-        """The latest phase."""
+        """The latest trial event; None if there is none."""
         return self._spans[-1] if self._spans else None
 
     def describe(self) -> dict[str, Any]:
-        """Return all except samples and spectrum, as a dictionary for JSON."""
+        """Return the state, except samples and spectrum, as a dictionary for JSON."""
         event = self.event
         return {
             'name': self.name,
@@ -301,7 +308,7 @@ class Finger:
         return round((stamp_ns - self._base_ns) * 1e-9, 3)
 
     def _describe_spans(self) -> list[dict[str, Any]]:
-        """Return the latest phases, in order; the last one may be open."""
+        """Return the latest phases in order of time. The last one may not have ended."""
         events = list(self._spans)
         ends: list[int | None] = [*(event.stamp_ns for event in events[1:]), None]
         oldest_ns = self._sample_ns - round(2 * SHOWN_S * 1e9)
@@ -326,7 +333,7 @@ class Finger:
         }
 
     def detail(self) -> dict[str, Any]:
-        """Return what the second plot shows: ``hold`` for a stiffness trial, or ``spectrum``."""
+        """Return the data of the second plot: `hold` for stiffness trials, else `spectrum`."""
         measured = [event for event in self._spans if event.phase in MEASURED]
         if measured:
             is_hold = measured[-1].phase == PHASE_HOLD
@@ -337,11 +344,11 @@ class Finger:
         return {'hold': self.hold()} if is_hold else {'spectrum': self.spectrum()}
 
     def hold(self) -> dict[str, Any] | None:
-        """Return the tension of the last hold with its least-squares line; None if there is none.
+        """Return the tension of the last hold with a least-squares line; None without a hold.
 
-        The line is fitted to the window of the trial if there is one, otherwise to the hold so
-        far. Times count from the start of the hold [s]. A hold that has ended is kept, because its
-        points are not.
+        If the trial has a feature window, the line is fitted to the window, otherwise to the whole
+        hold so far. Times count from the start of the hold [s]. The result of a hold that has
+        ended is stored, because its points are discarded after a while.
         """
         spans = list(self._spans)
         holds = [i for i, event in enumerate(spans) if event.phase == PHASE_HOLD]
@@ -387,10 +394,11 @@ class Finger:
         return found
 
     def spectrum(self) -> dict[str, Any] | None:
-        """Return amplitudes [N] with their source; None if there are too few samples.
+        """Return the amplitudes of a spectrum [N]; None if there are too few samples.
 
-        During a trial and after it, the source is the window of the trial, which the classifier
-        uses. If there is no window, the source is the last seconds within the current phase.
+        If the current or the last trial has a feature window, it is the spectrum of the window, as
+        used by the classifier. Otherwise, it is computed from the last seconds of the current
+        phase. The entry ``part`` describes which samples were used.
         """
         spectra = (
             window
@@ -418,7 +426,7 @@ class Finger:
 
 
 def _keep_newest(kept: dict[str, _Kept], key: str, value: _Kept) -> None:
-    """Append a value to a dictionary, and limit the dictionary to `MOST_ANSWERS` values."""
+    """Add a value to a dictionary; if it has more than `MOST_ANSWERS`, remove the oldest one."""
     kept.pop(key, None)
     kept[key] = value
     while len(kept) > MOST_ANSWERS:
@@ -435,7 +443,7 @@ def _describe_spectrum(values: NDArray[np.float64], step_hz: float, part: str) -
 
 
 def rounded(value: float) -> float:
-    """Return a number with four significant digits, to keep frames small."""
+    """Round to four significant digits, to keep the messages to pages small."""
     return float(f'{value:.4g}')
 
 
@@ -465,7 +473,7 @@ def describe_answer(answer: WindowPrediction, true_label: str) -> dict[str, Any]
 def format_answer(
     finger: str, answer: WindowPrediction, true_label: str, *, names_model: bool = False
 ) -> str:
-    """Return one line about a prediction: finger, task, label with its score or *unknown*."""
+    """Return one line about a prediction: finger, task, and label with score, or *unknown*."""
     parts = [finger] if finger else []
     parts.append(f'{answer.task:9} {answer.contact or "any contact":9}')
     parts.append(f'{answer.window_s:.1f} s')

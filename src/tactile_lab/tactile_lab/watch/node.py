@@ -42,13 +42,13 @@ from tactile_ros.polling import PolledSubscription
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 
 LOOK_PERIOD_S = 0.5
-"""Period of the search for new topics and services [s]."""
+"""Period with which new topics and services are searched [s]."""
 
 POLL_S = 0.04
-"""Period at which topics are polled [s]; a page gets fewer frames per second."""
+"""Period with which topics are polled [s]; it is shorter than the period of frames for pages."""
 
 ANSWERS_POLL_S = 0.1
-"""Period of polling if predictions are only printed [s]."""
+"""Period with which topics are polled if predictions are only printed [s]."""
 
 SESSION_STOP = 'operator/stop'
 CANCEL = 'trial_runner/run_trial/_action/cancel_goal'
@@ -89,9 +89,9 @@ KINDS: dict[str, type] = {
 class WatchNode(Node):  # type: ignore[misc]
     """Subscribes to the topics of all fingers in any namespace, for a `WatchState`.
 
-    It polls its topics in its own thread, and has no parameters and no lifecycle. Errors are
-    logged, because a page must not end the rig that it shows. If ``answers_only`` is True, the
-    node subscribes only to events, models and predictions.
+    The node polls its topics in a thread. It has no parameters and no lifecycle. Errors are only
+    logged, because an error of the live page must not end the rig in the same process. If
+    ``answers_only`` is True, the node subscribes only to events, models and predictions.
     """
 
     is_quiet = True
@@ -107,7 +107,7 @@ class WatchNode(Node):  # type: ignore[misc]
         self._polled: tuple[PolledSubscription, ...] = ()
         self._topics: set[str] = set()
         self._service_clients: dict[str, Any] = {}
-        self._heard: set[str] = set()  # services that had a server at some time
+        self._heard: set[str] = set()  # services that have had a server
         self._looking = threading.Lock()
         if not answers_only:
             self._listen_to(
@@ -138,7 +138,8 @@ class WatchNode(Node):  # type: ignore[misc]
         except Exception as error:
             if self.context.ok():
                 self.get_logger().error(
-                    f'the live page lacks data: {error!r}', throttle_duration_sec=10.0
+                    f'an error of the live page, which may lack data: {error!r}',
+                    throttle_duration_sec=10.0,
                 )
 
     def _poll(self) -> None:
@@ -148,7 +149,7 @@ class WatchNode(Node):  # type: ignore[misc]
     # -- discovery ---------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Subscribe to new topics; find the services of each finger."""
+        """Subscribe to new topics, and find the services of each finger."""
         if not self.context.ok():
             return
         for topic, types in self.get_topic_names_and_types():
@@ -157,7 +158,8 @@ class WatchNode(Node):  # type: ignore[misc]
                 continue
             if kind is None or topic in self._topics or len(self._topics) >= MOST_SUBSCRIPTIONS:
                 continue
-            if self.count_publishers(topic):  # a topic may have only other subscribers
+            # Without a publisher, the topic exists only because others subscribe.
+            if self.count_publishers(topic):
                 self._topics.add(topic)
                 self._listen(topic, kind)
         if not self._answers_only:
@@ -171,7 +173,7 @@ class WatchNode(Node):  # type: ignore[misc]
                 self.state.set_controls(finger.name, can)
 
     def _look_for_services(self) -> dict[str, list[str]]:
-        """Create clients of new services in any namespace; return the types of each service."""
+        """Create clients for new services; return the types of all known services."""
         services = dict(self.get_service_names_and_types())
         with self._looking:
             for path, types in services.items():
@@ -190,23 +192,24 @@ class WatchNode(Node):  # type: ignore[misc]
         return self._service_clients.get(path)
 
     def stop_clients(self) -> dict[str, Any]:
-        """Return clients that stop all nodes that can move; the keys are paths of services."""
+        """Return clients of the services that stop the nodes; the keys are full service names."""
         return self.clients_of(STOPS)
 
     def clients_of(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return clients of the services with these names, of all fingers; the keys are paths.
+        """Return clients of the services with these names, for all fingers.
 
-        Some services may have no server, because clients of other pages create the same names.
+        The keys are full service names. A service may have no server: if another page has a client
+        for it, its name is listed, too.
         """
         self._look_for_services()
         ends = tuple(f'/{name}' for name in names)
         return {p: c for p, c in self._service_clients.items() if p.endswith(ends)}
 
     def must_confirm(self, path: str) -> bool:
-        """Return True if a stop needs the response of this service.
+        """Return True if Stop is only confirmed once this service has responded.
 
-        A driver that has ended may leave a moving device. A session that has ended starts no
-        trial.
+        This holds for each driver that was ever seen, because if it has crashed, its device may
+        still move. It does not hold for sessions, because an ended session starts no trial.
         """
         return path in self._heard and not path.endswith(f'/{SESSION_STOP}')
 
@@ -226,7 +229,7 @@ class WatchNode(Node):  # type: ignore[misc]
         self._polled = (*self._polled, subscription)
 
     def _listen(self, topic: str, kind: type) -> None:
-        """Pass messages on a topic to the finger or device in the topic's name."""
+        """Subscribe to a topic. Its name contains the finger and the node of the messages."""
         state, (finger, source) = self.state, _split(topic)
         update = functools.partial(state.update, finger)
         device = f'{finger}/{source}' if finger else source
@@ -248,11 +251,11 @@ class WatchNode(Node):  # type: ignore[misc]
 
 
 def _split(topic: str) -> tuple[str, str]:
-    """Return the finger's namespace and the node's name in a topic's name."""
+    """Return namespace of the finger and name of the node from the full name of a topic."""
     parts = topic.strip('/').split('/')
     return '/'.join(parts[:-2]), parts[-2] if len(parts) > 1 else ''
 
 
 def place_of(finger: str, name: str) -> str:
-    """Return the absolute name of a topic or service of a finger."""
+    """Return the full name of a topic or service of a finger."""
     return f'/{finger}/{name}' if finger else f'/{name}'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Server of the live page: one page, its files, one WebSocket; without ROS."""
+"""Web server of the live page, with a WebSocket for frames and commands. Without ROS."""
 
 from __future__ import annotations
 
@@ -42,34 +42,35 @@ FILES = {
 }
 
 PORT = 8642
-"""Default port; if it is in use, any free port."""
+"""Default port. If it is in use, any free port is used."""
 
 FRAMES_HZ = 20.0
-"""Frames per second that pages get, independent of the sensor's rate."""
+"""Number of frames per second for pages; it does not depend on the rate of the sensor."""
 
 IDLE_FRAME_S = 0.5
-"""Longest time between frames [s]; a page without frames for longer shows that it is offline."""
+"""Longest time between frames [s]. A page that receives no frame for much longer shows that it is
+not connected."""
 
 MOST_PAGES = 16
-"""The last connection is reserved for a page with the token."""
+"""Largest number of open pages. The last one must have the token."""
 
 PROTOCOL = 'tactile'
-"""Subprotocol of the WebSocket; a page with the token sends the token as the second one."""
+"""Subprotocol of the WebSocket. A page that has the token offers it as a second subprotocol."""
 
 MOST_WAITING = 64
 WAITING_S = 10.0
-"""Limits for connections that are not pages yet: if there are more, the oldest is closed. Every
-connection is closed after the time [s]."""
+"""Limits for connections without an open WebSocket. If there are more, the oldest one is closed.
+Each of them is closed after `WAITING_S` [s]."""
 
 SEND_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 10.0
 
 
 class WatchServer:
-    """A web server in its own thread; a context manager.
+    """A web server in a thread. It is a context manager.
 
-    ``address`` is the address of the page, with the token that is required for motion. Raises
-    `TactileError` when the port cannot be opened.
+    ``address`` is the address of the page, including the token. Raises `TactileError` when the
+    port cannot be opened.
     """
 
     def __init__(
@@ -136,7 +137,10 @@ class WatchServer:
     # -- connections -------------------------------------------------------------------
 
     def _connect(self, server: web.Server) -> web.RequestHandler:
-        """Return the handler of a new connection, which must become a page before a timeout."""
+        """Return the handler of a new connection.
+
+        The connection is closed after `WAITING_S`, unless it opens the WebSocket of a page.
+        """
         if len(self._waiting) >= MOST_WAITING:
             self._cut(next(iter(self._waiting)))
         handler = server()
@@ -150,7 +154,7 @@ class WatchServer:
             if handler.transport is not None:
                 handler.transport.abort()
 
-        self._loop.call_soon(abort)  # a new connection may not have its transport yet
+        self._loop.call_soon(abort)  # deferred, because a new connection may have no transport yet
 
     # -- requests ----------------------------------------------------------------------
 
@@ -194,14 +198,17 @@ class WatchServer:
                     self._keep(self._obey(message.data))
         finally:
             self._pages.discard(page)
-            if transport is not None:  # otherwise a browser that does not read would keep it open
+            if transport is not None:  # a browser that does not read would keep it open
                 self._loop.call_later(WAITING_S, transport.abort)
         return page.socket
 
     # -- output -------------------------------------------------------------------------
 
     async def _send_frames(self) -> None:
-        """Send frames while a page is open; on an error, close the pages, so that they show it."""
+        """Send frames while a page is open.
+
+        After an error all pages are closed, so that they show that they are not connected.
+        """
         frames = Frames(self._state)
         sent_s = self._loop.time()
         try:
@@ -217,11 +224,14 @@ class WatchServer:
                     sent_s = self._loop.time()
                 await asyncio.sleep(1.0 / FRAMES_HZ)
         finally:
-            while self._pages:  # also pages that are opened in the meantime
+            while self._pages:  # while waiting, new pages may be opened
                 await self._pages.pop().socket.close(code=1011)
 
     def _send_to_all(self, frame: dict[str, Any], *, begin: bool) -> None:
-        """Send a frame to all pages that are ready; the others get a complete frame later."""
+        """Send a frame to all pages that have received the previous one.
+
+        The other pages get a complete frame later.
+        """
         text = json.dumps(frame, separators=(',', ':'), allow_nan=False)
         for page in self._pages:
             if not page.is_ready:
@@ -263,7 +273,7 @@ class WatchServer:
         return await controls.trial(finger, command.trial)
 
     def _keep(self, work: Any) -> asyncio.Task[Any]:
-        """Run a coroutine as a task and keep a reference, because the loop has only weak ones."""
+        """Run a coroutine as a task, and keep a reference: the event loop has only a weak one."""
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -277,12 +287,12 @@ class _Page:
         self.socket = web.WebSocketResponse(
             heartbeat=5.0, max_msg_size=LONGEST_COMMAND, compress=False, protocols=(PROTOCOL,)
         )
-        self.needs_all = True  # it has no data yet, or has missed a frame
+        self.needs_all = True  # True if it has no data yet, or has missed a frame
         self.sending: asyncio.Task[Any] | None = None
 
     @property
     def is_ready(self) -> bool:
-        """True once the last frame has been sent."""
+        """True if the last frame has been sent completely."""
         return self.sending is None or self.sending.done()
 
     async def send(self, text: str) -> None:
@@ -293,7 +303,7 @@ class _Page:
 
 
 def _listen(host: str, port: int) -> socket.socket:
-    """Return a listening socket."""
+    """Open and return a listening socket."""
     family = socket.AF_INET6 if ':' in host else socket.AF_INET
     try:
         return socket.create_server((host, port or PORT), family=family)

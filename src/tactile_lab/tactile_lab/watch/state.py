@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""State shown on all pages: fingers, devices, progress and messages; without ROS."""
+"""State that all pages show: fingers, devices, progress and log. Without ROS."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ MOST_FINGERS = 16
 MOST_DEVICES = 64
 MOST_SENTENCES = 30
 STALE_S = 5.0
-"""A device without diagnostics for this time counts as silent [s]."""
+"""A device is shown as silent if it has published no diagnostics for this time [s]."""
 
 SPECTRUM_PERIOD_S = 0.2
 """Shortest time between two spectra of a finger [s]."""
 
 LEVELS = ('ok', 'warning', 'error', 'stale')
-"""Names of the levels of diagnostics; the index is the level."""
+"""Names of the levels of a DiagnosticStatus; the index is the level."""
 
 
 class WatchState:
-    """Current state. Any thread may add records; one thread takes the frames.
+    """The current state. Any thread may change it; one thread reads it with `Frames`.
 
     Attributes
     ----------
@@ -46,14 +46,14 @@ class WatchState:
         *,
         simulated: bool = False,
     ) -> None:
-        """Start without fingers.
+        """Create a state without fingers.
 
         Parameters
         ----------
         where : str
-            Where fingers are searched, such as ``ROS domain 3``; shown while there are none.
+            Where fingers are searched, such as ``ROS domain 3``. It is shown until one is found.
         objects : mapping
-            Labels that can be chosen for a trial of each protocol; if empty, they are typed in.
+            For each protocol, labels that the page proposes for a trial.
         clock : callable
             Returns monotonic time [s].
         """
@@ -77,7 +77,10 @@ class WatchState:
     # -- input -----------------------------------------------------------------------
 
     def finger(self, name: str) -> Finger | None:
-        """Return the finger in a namespace, created if necessary; None beyond the limit."""
+        """Return the finger in a namespace; create it if it does not exist.
+
+        Return None if there are already `MOST_FINGERS` other fingers.
+        """
         with self._lock:
             if name not in self._fingers and len(self._fingers) < MOST_FINGERS:
                 self._fingers[name] = Finger(name)
@@ -85,7 +88,7 @@ class WatchState:
             return self._fingers.get(name)
 
     def update(self, name: str, take: Callable[..., object], *values: Any) -> None:
-        """Call a method of a finger with values, unless the finger is beyond the limit."""
+        """Call the method ``take`` of a finger with ``values``."""
         with self._lock:
             if finger := self.finger(name):
                 take(finger, *values)
@@ -104,7 +107,7 @@ class WatchState:
     def take_health(
         self, device: str, level: int, message: str, values: Mapping[str, str]
     ) -> None:
-        """Set the health of a device or node; ``level`` is a level of diagnostics."""
+        """Set the health of a device or node from its diagnostics."""
         with self._lock:
             if device not in self._devices and len(self._devices) >= MOST_DEVICES:
                 return
@@ -113,7 +116,7 @@ class WatchState:
             if self._devices.get(device, (0.0, {}))[1] != health:
                 self._version += 1
             self._devices[device] = (self._clock(), health)
-            if 'trials' in values:  # diagnostics of an operator
+            if 'trials' in values:  # diagnostics of an operator node
                 self._progress = message
 
     def take_readiness(self, device: str, missing: Sequence[str]) -> None:
@@ -124,10 +127,10 @@ class WatchState:
                 self._version += 1
 
     def take_stop(self, namespace: str, reason: str) -> None:
-        """Set the stopped state of the rig in a namespace; an empty reason means not stopped.
+        """Set the stopped state of the rig in a namespace.
 
-        The latest message is valid, not the one with the highest number: a restarted rig counts
-        from 0.
+        If ``reason`` is empty, the rig is not stopped. The numbers in the messages are ignored,
+        because a restarted rig counts from 0 again.
         """
         with self._lock:
             if reason != self._stops.get(namespace, '') and len(self._stops) < MOST_DEVICES:
@@ -135,7 +138,7 @@ class WatchState:
                 self._stops[namespace] = reason
 
     def set_can_release(self, can_release: bool) -> None:
-        """Set whether there is a tendon that can be slackened."""
+        """Set whether there is a tendon actuator that can slacken its tendon."""
         with self._lock:
             if can_release != self._can_release:
                 self._can_release = can_release
@@ -151,10 +154,10 @@ class WatchState:
     def say(
         self, text: str, level: str = 'ok', command_id: str = '', finger: str | None = None
     ) -> None:
-        """Add a message that every page shows.
+        """Add a message to the log that every page shows.
 
-        ``command_id`` is the id of the command that the message answers. ``finger`` is the finger
-        that the message is about, or None for all fingers.
+        ``command_id`` is the id of the command whose result the message states. ``finger`` is the
+        finger that the message is about, or None if it is about all fingers.
         """
         with self._lock:
             sentence = {'at': time.time(), 'level': level, 'text': text, 'id': command_id}
@@ -170,7 +173,7 @@ class WatchState:
             return [self._fingers[name] for name in sorted(self._fingers)]
 
     def describe(self) -> dict[str, Any]:
-        """Return all except samples and spectra, as a dictionary for JSON."""
+        """Return the state, except samples and spectra, as a dictionary for JSON."""
         with self._lock:
             return {
                 'where': self._where,
@@ -192,7 +195,7 @@ class WatchState:
             }
 
     def _describe_devices(self) -> list[dict[str, Any]]:
-        """Return the health of each device, sorted by name."""
+        """Return the health of all devices, sorted by name, for JSON."""
         now_s = self._clock()
         rows = []
         for name, (at_s, health) in sorted(self._devices.items()):
@@ -210,10 +213,10 @@ class WatchState:
 
 
 class Frames:
-    """Creates the consecutive frames for pages.
+    """Creates the frames that are sent to pages.
 
-    The first frame after `restart` is complete. Each later frame contains the new points of each
-    finger, and other parts only if they have changed.
+    The first frame after `restart` is complete. Each further frame contains only the new points of
+    each finger, and other parts that have changed.
     """
 
     def __init__(self, state: WatchState) -> None:

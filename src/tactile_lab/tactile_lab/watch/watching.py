@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live page of commands that run nodes."""
+"""Watch fingers and serve the live page, for commands that run nodes."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from tactile_ros.node_group import NodeGroup
 
 @dataclass
 class Watch:
-    """State of the fingers, and address of the page, which is empty if no page is served."""
+    """The state of the fingers, and the address of the page; None if no page is served."""
 
     state: WatchState
-    address: str = ''
+    address: str | None = None
 
 
 @contextmanager
@@ -37,14 +37,16 @@ def watching(
     before_trial: Callable[[TrialRequest], object] = lambda request: None,
     answers_only: bool = False,
 ) -> Iterator[Watch]:
-    """Watch the fingers of a ROS context until the block ends; if ``options``, serve a page.
+    """Watch the fingers of a ROS context until the block ends.
+
+    If ``options`` is given, serve a live page.
 
     Parameters
     ----------
     simulated : bool
-        True if the rig is known to be simulated; trials also state this themselves.
+        True if the rig is known to be simulated. Messages of simulated trials also state this.
     objects : mapping
-        Labels that a page offers for a trial of each protocol.
+        For each protocol, labels that the page proposes for a trial.
     before_trial : callable
         Called with the request of a trial before the page starts it.
     answers_only : bool

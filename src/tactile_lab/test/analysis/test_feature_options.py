@@ -204,7 +204,7 @@ def test_test_trials_do_not_influence_the_choice(tmp_path):
         ]
         choices.append(ranking)
         assert 'chosen on trials with later=0' in said
-        assert 'On the selected test trials, ' in said
+        assert ' of the stated test trials are classified correctly (' in said
         assert 'trained on later=0 (12 trials), tested on later=1' in said
         assert 'chosen on the training trials only' in said
         chosen = found['feature_choice']['chosen']

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The benchmarks run, and the errors that they report stay within their bounds.
+"""The benchmarks run, and the numerical errors that they report stay within their bounds.
 
-Times are not looked at: they are the machine's.
+Times are not tested, because they depend on the computer.
 """
 
 import importlib
@@ -21,7 +21,8 @@ BOUNDS = {
     'regression': {'480 x 204': 1e-15, 'offset 1e6 N, 1e-6 N/s': 1e-15},
 }
 LOSSY = {'spectrum': 'offset 1e6 N', 'regression': 'offset 1e6 N, 1e-6 N/s'}
-"""Where a benchmark that calls everything exact would be seen: the floor loses digits."""
+"""For each topic, a case whose error must not be zero. A benchmark that reports only zeros would
+be wrong."""
 
 
 @pytest.fixture
@@ -30,14 +31,14 @@ def topics(monkeypatch):
     return {topic.name: topic for topic in importlib.import_module('benchmarks.topics').TOPICS}
 
 
-def test_every_topic_is_there(topics):
+def test_every_topic_is_listed(topics):
     for topic in topics.values():
         if topic.module != 'simulator.twin' or find_spec('mujoco'):
             assert callable(topic.find())
 
 
 @pytest.mark.parametrize('name', BOUNDS)
-def test_errors_are_within_their_bounds(topics, name):
+def test_errors_of_kernels_are_within_their_bounds(topics, name):
     rows = {row.case: row for row in topics[name].find()(True).rows}
     for case, bound in BOUNDS[name].items():
         assert rows[case].error <= rows[case].bound == bound

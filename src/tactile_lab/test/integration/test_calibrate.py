@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile calibrate` on a simulated load cell with a known truth, over a real pty."""
+"""`tactile calibrate` on a simulated load cell with known parameters, over a real pty."""
 
 from concurrent.futures import ThreadPoolExecutor
 import io
@@ -28,7 +28,9 @@ def run(**changes):
     calibrate(**{**values, **changes}, as_json=True)
 
 
-def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsys, monkeypatch):
+def test_calibration_of_a_simulated_load_cell_is_correct_and_written_to_the_file(
+    tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr(module, 'SETTLED_S', 0.5)
     monkeypatch.setattr(
         pty_server, 'WeightStand', lambda seed: WeightStand(seed=seed, hysteresis_n=0.2)
@@ -39,8 +41,8 @@ def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsy
     found = json.loads(capsys.readouterr().out)
     assert found['simulated'] is True
     assert [r['is_rising'] for r in found['readings']] == [True, True, True, False, False]
-    # Noise of a mean is 0.7 mN. The truth is 1.03 and -0.2 N, and the readings on the way down
-    # turn the least-squares line to these.
+    # The noise of a mean is 0.7 mN. The true values are 1.03 and -0.2 N. Hysteresis of the
+    # readings with decreasing weights changes the least-squares line to the following values.
     assert found['hysteresis_n'] == pytest.approx(0.2, abs=0.02)
     assert found['scale'] == pytest.approx(1.039, abs=5e-3)
     assert found['offset_n'] == pytest.approx(-0.317, abs=0.02)
@@ -51,7 +53,7 @@ def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsy
     assert parameters['offset_n'] == found['offset_n']
 
 
-def test_a_sample_of_the_weight_before_that_comes_late_does_not_count():
+def test_late_sample_of_the_previous_weight_is_ignored():
     listener = module._Listener(TendonSensorConfig())
 
     def feed(at_ns, tension_n):
@@ -69,9 +71,11 @@ def test_a_sample_of_the_weight_before_that_comes_late_does_not_count():
     assert found.result() == (2.0, 0.0)
 
 
-def test_what_cannot_be_calibrated_is_refused(tmp_path, monkeypatch):
+def test_sensors_that_cannot_be_calibrated_are_refused(tmp_path, monkeypatch):
     path = tmp_path / 'params.yaml'
-    given = 'sensor: net_ft\n    use_sim_time: false\n'  # the latter is a parameter of every node
+    given = (
+        'sensor: net_ft\n    use_sim_time: false\n'  # use_sim_time is a parameter of every node
+    )
     path.write_text(f'tendon_sensor:\n  ros__parameters:\n    {given}')
     with pytest.raises(TactileError, match='calibrated by its manufacturer'):
         run(simulated=False, params=path)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commands on a real Dask cluster of two workers give the bits of one process."""
+"""Commands on a Dask cluster of two workers have the same results as in one process."""
 
 import hashlib
 
@@ -29,7 +29,7 @@ def digests(folder):
 
 
 def without_times(found):
-    """Return JSON without the times of fits, which no two runs share."""
+    """Return a result without the times of fits, which differ in every run."""
     if isinstance(found, dict):
         return {
             name: without_times(each)
@@ -39,7 +39,7 @@ def without_times(found):
     return [without_times(each) for each in found] if isinstance(found, list) else found
 
 
-def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
+def test_results_of_two_workers_equal_results_of_one_process(address, tmp_path):
     plan = ('simulate', 'stiffness', '--contact', 'flexion', '--trials', 2, '--sessions', 2)
     hear_tactile(*plan, '-o', tmp_path / 'one', '--jobs', 1)
     hear_tactile(*plan, '-o', tmp_path / 'two', '--cluster', address)
@@ -62,6 +62,6 @@ def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
     assert told[0] == told[1]
 
 
-def test_an_address_where_nobody_answers_is_one_sentence(tmp_path):
+def test_address_without_a_scheduler_is_refused_in_one_sentence(tmp_path):
     wrong = ('simulate', 'texture', '-o', tmp_path / 'x', '--cluster', 'nonsense://1')
     assert 'tactile: no Dask scheduler responds at nonsense://1' in hear_tactile(*wrong, code=2)

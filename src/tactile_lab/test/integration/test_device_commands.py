@@ -25,12 +25,12 @@ def rig():
 
 @pytest.fixture
 def faulty(rig):
-    """Return the rig for faults, which are taken back."""
+    """Return the rig; faults that the test injects are removed afterwards."""
     yield rig
     for device in ('sensor', 'guide', 'tendon'):
         rig.fault(device, 'none')
-    rig.fault('tendon', 'restart')  # clears what the overheating has left
-    advance_rig(rig, 0.5)  # it is silent meanwhile
+    rig.fault('tendon', 'restart')  # clears the error flag of the overheating
+    advance_rig(rig, 0.5)  # the servo does not respond while it restarts
 
 
 def probe(*ports, is_quiet=False):
@@ -47,7 +47,7 @@ def check(option, port, *more):
 # -- devices -------------------------------------------------------------------------------
 
 
-def test_devices_are_recognised_and_left_as_they_were(rig):
+def test_devices_are_recognised_and_not_changed(rig):
     before = rig.truth()
     code, document = answer_of(
         'devices', *(f'--port={port}' for port in rig.ports), '--listen=0.3'
@@ -72,13 +72,13 @@ def test_devices_are_recognised_and_left_as_they_were(rig):
     assert after['tendon_displacement_m'] == before['tendon_displacement_m']
 
 
-def test_a_port_in_use_is_left_alone(rig):
+def test_port_in_use_is_not_probed(rig):
     with serial.Serial(rig.ports.sensor, exclusive=True):
         (found,) = probe(rig.ports.sensor)
     assert (found.device, found.what) == ('', 'in use by another program')
 
 
-def test_silence_asked_or_not_and_nonsense_are_said_to_be_that(faulty, monkeypatch):
+def test_silent_ports_and_unknown_data_are_described(faulty, monkeypatch):
     monkeypatch.setattr(device_probe, 'SERVO_BAUDS', (57_600,))  # a ping at each lasts 0.8 s
     ports = faulty.ports
     guide, tendon = probe(ports.guide, ports.tendon, is_quiet=True)
@@ -91,7 +91,7 @@ def test_silence_asked_or_not_and_nonsense_are_said_to_be_that(faulty, monkeypat
     assert missing.what == 'no such port; check the cable and the name'
 
 
-def test_a_net_ft_is_asked_at_its_address():
+def test_net_ft_is_found_at_its_address():
     page = b"""<?xml version="1.0"?>
         <netft><prodname>Net F/T</prodname><runstat>0x00000000</runstat>
         <cfgcpf>1000000</cfgcpf><cfgcpt>1000000</cfgcpt><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu>
@@ -122,7 +122,7 @@ def test_a_net_ft_is_asked_at_its_address():
 # -- check ---------------------------------------------------------------------------------
 
 
-def test_a_sound_rig_is_fit_and_moves_when_allowed(rig):
+def test_check_of_a_faultless_rig_passes_and_moves_it_if_allowed(rig):
     code, document = answer_of(
         'check',
         *(f'--{name}={port}' for name, port in rig.ports._asdict().items()),
@@ -152,7 +152,7 @@ def test_check_moves_nothing_unless_allowed(rig):
     )
 
 
-def test_faults_of_the_sensor_are_told_with_a_remedy(faulty, parameter_file):
+def test_faults_of_the_sensor_are_reported_with_a_remedy(faulty, parameter_file):
     params = parameter_file('tendon_sensor: {ros__parameters: {rate_hz: 80.0}}')
     _, problems = check('--sensor', faulty.ports.sensor, '--params', params)
     assert 'rate_hz is 80' in problems
@@ -171,7 +171,7 @@ def test_faults_of_the_sensor_are_told_with_a_remedy(faulty, parameter_file):
     assert 'no reading in 1 s' in problems
 
 
-def test_faults_of_guide_and_tendon_are_told(faulty):
+def test_faults_of_guide_and_tendon_are_reported(faulty):
     faulty.fault('tendon', 'overheat', temperature_c=91)
     facts, problems = check('--tendon', faulty.ports.tendon)
     assert facts['temperature [C]'] == 91
@@ -194,5 +194,5 @@ def test_faults_of_guide_and_tendon_are_told(faulty):
             assert port.read_until(b'ok\r\n')
 
 
-def test_nothing_named_is_refused():
+def test_check_without_a_device_is_refused():
     assert 'choose what to test' in hear_tactile('check', code=2)

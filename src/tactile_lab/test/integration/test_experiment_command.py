@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile experiment` without a rig: refused calls change nothing, corrections are listed."""
+"""`tactile experiment` without a rig: refused calls change nothing; corrections are listed."""
 
 import io
 
@@ -48,7 +48,7 @@ def test_a_refused_call_changes_nothing(folder, arguments, sentence):
         assert contents(folder) == before
 
 
-def test_a_rig_that_does_not_start_appends_nothing(folder, parameter_file):
+def test_no_block_is_appended_if_the_rig_does_not_start(folder, parameter_file):
     order = folder.read_order()
     wrong = parameter_file('tendon_sensor: {ros__parameters: {unit: furlong}}')
     for options in (('--models', '/nowhere'), ('--params', wrong)):
@@ -58,7 +58,7 @@ def test_a_rig_that_does_not_start_appends_nothing(folder, parameter_file):
         assert folder.read_order() == order
 
 
-def test_while_another_program_runs_it_nothing_is_appended(folder):
+def test_no_block_is_appended_while_another_program_runs_the_experiment(folder):
     before = contents(folder)
     with folder.open_journal():
         said = hear_tactile(
@@ -68,7 +68,7 @@ def test_while_another_program_runs_it_nothing_is_appended(folder):
     assert contents(folder) == before
 
 
-def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path):
+def test_unknown_object_of_a_simulated_rig_is_refused_before_the_folder_is_created(tmp_path):
     plan = tmp_path / 'new.yaml'
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,pla', code=2)
     assert 'pla is for stiffness trials' in said
@@ -96,7 +96,7 @@ def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path
         ),
     ],
 )
-def test_a_new_plan_says_how_many_trials_training_needs(tmp_path, sizes, words):
+def test_new_plan_states_how_many_trials_training_needs(tmp_path, sizes, words):
     plan = tmp_path / 'new.yaml'
     contacts = ('--contacts', 'flexion,abduction')
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,R2', *contacts, *sizes.split())
@@ -106,7 +106,7 @@ def test_a_new_plan_says_how_many_trials_training_needs(tmp_path, sizes, words):
     assert ('too few' in said) == ('too few' in words)
 
 
-def test_the_numbers_of_trials_are_those_of_training():
+def test_required_numbers_of_trials_equal_those_of_training():
     assert trials_needed(0.05) == LEAST_FOR_UNKNOWN
     with pytest.raises(TooFewTrialsError):
         NearestNeighbours(LEAST_TO_TRAIN).fit([[0.0]] * (LEAST_TO_TRAIN - 1), ['a', 'b'])
@@ -126,8 +126,8 @@ def test_corrections_are_written_and_listed(folder):
     assert f'{first} relabelled R2: ' in correct('relabel', folder.path, first, 'R2')
     assert f'{first} excluded' in correct('exclude', folder.path, first)
     listed = hear_tactile('experiment', 'status', folder.path)
-    assert f'{first} is R2: the wrong [plate]' in listed
-    assert f'{first} is excluded: the wrong [plate]' in listed
+    assert f'{first} was relabelled R2: the wrong [plate]' in listed
+    assert f'{first} was excluded: the wrong [plate]' in listed
     lines = tactile('experiment', 'status', folder.path).stdout.splitlines()
     assert [each.split() for each in lines if each.split()[:2] == [first, 'R2']] == [
         [first, 'R2', 'flexion', first.rpartition('-m')[0], 'excluded']
@@ -143,7 +143,7 @@ def test_corrections_are_written_and_listed(folder):
     assert contents(folder) == before
 
 
-def test_another_setup_needs_an_answer_where_nobody_can_give_one(monkeypatch, capsys):
+def test_changed_setup_ends_the_command_if_there_is_no_terminal(monkeypatch, capsys):
     monkeypatch.setattr('sys.stdin', io.StringIO('y\n'))
     person = Terminal(Output(as_json=False))
     assert not person.accept_setup(['tendon_sensor.scale: 1.0 -> 1.1'])

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ctrl-C during the choice of features ends `tactile train` and leaves nothing behind."""
+"""Ctrl-C during the choice of features ends `tactile train` without leaving files."""
 
 import os
 from pathlib import Path
@@ -20,12 +20,12 @@ def list_children(pid):
     return [child for task in tasks for child in (task / 'children').read_text().split()]
 
 
-def test_an_interrupt_ends_the_choice_and_leaves_nothing(tmp_path):
+def test_interrupt_ends_training_without_leaving_files_or_processes(tmp_path):
     path = tmp_path / 'trials.npz'
     label = np.repeat(['fine', 'coarse', 'flat'], 100)
     x = np.random.default_rng(0).normal(size=(300, 1, 200))
     np.savez(path, x=x, label=label, rate_hz=60.0)
-    ours, terminal = os.openpty()  # the bar is only shown on a terminal
+    ours, terminal = os.openpty()  # the progress bar is only shown on a terminal
     arguments = ('train', path, '--task', 'texture', '-o', tmp_path / 'models')
     process = subprocess.Popen(
         [sys.executable, tactile_command.__file__, *map(str, arguments)],
@@ -36,7 +36,7 @@ def test_an_interrupt_ends_the_choice_and_leaves_nothing(tmp_path):
     os.close(terminal)
     said = ''
     try:
-        while not re.search(r'[1-9]\d*/\d+', said):  # a part of the choice is done
+        while not re.search(r'[1-9]\d*/\d+', said):  # wait until some candidates are done
             said += os.read(ours, 4096).decode()
         assert list_children(process.pid) == []
         process.send_signal(signal.SIGINT)
@@ -51,7 +51,7 @@ def test_an_interrupt_ends_the_choice_and_leaves_nothing(tmp_path):
 
 
 def read_all(terminal):
-    """Return the text until the program ends."""
+    """Return all text until the program ends."""
     said = b''
     try:
         while part := os.read(terminal, 4096):

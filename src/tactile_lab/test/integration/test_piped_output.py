@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Output in a pipe breaks no value, whatever the width; a terminal folds sentences only.
+"""In a pipe, no value is broken at any width. On a terminal, only sentences and lists are folded.
 
-The commands run one after the other in a process for each folder and kind of output.
+The commands run one after the other, in one process for each folder and kind of output.
 """
 
 import functools
@@ -28,7 +28,7 @@ LABELS = ('a plate of 2.5 mm ridges, left half', 'a plate of 2.5 mm ridges, righ
 PORT = '/dev/serial/by-id/usb-maker_of_load_cells_with_a_long_name_0123456789-if00-port0'
 UNSEEN = f'{PORT}-which-does-not-exist'
 
-# Name, arguments, exit code, and texts that must be on one line. {...} are paths.
+# Name, arguments, exit code, and texts that must each be on one line; {...} are paths.
 CASES = [
     ('show-archive', 'show {archive}', 0, ['archive {archive}']),
     ('show-row', 'show {archive}', 0, [LABELS[0], PORT]),
@@ -52,7 +52,7 @@ CASES = [
         ['3 nearest neighbours', '80.0 ± 0.0'],
     ),
     ('train', 'train {bag} -o {new} --folds 3 --classifier knn', 0, ['{new}/stiffness_']),
-    ('classify', 'classify {bag} --model {model}', 0, ['predictions match the stated label']),
+    ('classify', 'classify {bag} --model {model}', 0, ['predictions match the label']),
     ('simulate', 'simulate stiffness -o {new} --trials 1 --sessions 1', 0, ['{new}/', 'trials']),
     ('replay', 'replay {bag} --no-nodes', 2, ['{bag} contains no features', 'can use it anyway']),
     ('no-such-path', 'show {new}', 2, ["Path '{new}' does not exist."]),
@@ -63,7 +63,7 @@ ALL_WIDTHS = {
     'show-archive', 'show-row', 'show-objects', 'show-models', 'devices', 'check', 'check-problem',
     'no-such-path', 'refusal',
 }  # fmt: skip
-"""These print in all ways that there are and are quick; the others run at 40 columns."""
+"""Fast commands that together print in all ways. The other commands run at 40 columns only."""
 
 PROGRAM = """
 import json, os, sys
@@ -89,7 +89,7 @@ def choose_widths(name):
 
 @pytest.fixture(scope='module')
 def run_all(stiffness_bag, trained, tmp_path_factory):
-    """Return a function that runs the commands in a folder; it returns their outputs."""
+    """Return a function that runs the commands in a folder and returns their outputs."""
 
     @functools.cache
     def run_all(folder_name, is_terminal):
@@ -116,7 +116,7 @@ def run_all(stiffness_bag, trained, tmp_path_factory):
 
 
 def make_files(folder, bag, models):
-    """Make what the commands read; return the paths by their names in `CASES`."""
+    """Make the files that the commands read; return their paths by the names in `CASES`."""
     folder.mkdir(parents=True)
     x = np.random.default_rng(0).normal(size=(12, 1, 60))
     columns = {'label': LABELS * 6, 'port': [PORT] * 6 + [PORT[:-1]] * 6}
@@ -151,7 +151,7 @@ def run_on_terminal(command):
         try:
             while data := os.read(parent, 65_536):
                 said.append(data)
-        except OSError:  # the other end is closed
+        except OSError:  # the program has closed its end
             pass
 
     reader = threading.Thread(target=read)
@@ -172,7 +172,7 @@ NAMES = [f'{name}-{folder}-{width}' for name, folder, width, *_ in RUNS]
 
 
 @pytest.mark.parametrize(('name', 'folder', 'width', 'expected', 'code'), RUNS, ids=NAMES)
-def test_a_pipe_gets_each_row_on_one_line(run_all, name, folder, width, expected, code):
+def test_in_a_pipe_each_row_is_one_line(run_all, name, folder, width, expected, code):
     paths, home, outputs = run_all(folder, is_terminal=False)
     said, ended = outputs[name, width]
     assert ended == code, said
@@ -181,7 +181,7 @@ def test_a_pipe_gets_each_row_on_one_line(run_all, name, folder, width, expected
 
 
 @pytest.mark.parametrize('name', sorted(ALL_WIDTHS))
-def test_a_pipe_gets_the_same_at_every_width(run_all, name):
+def test_in_a_pipe_the_output_does_not_depend_on_the_width(run_all, name):
     *_, outputs = run_all('long', is_terminal=False)
     said = {outputs[name, width][0].replace(f'{name}-{width}', '') for width in WIDTHS}
     assert len(said) == 1
@@ -190,11 +190,11 @@ def test_a_pipe_gets_the_same_at_every_width(run_all, name):
 @pytest.mark.parametrize('name', sorted(ALL_WIDTHS))
 @pytest.mark.parametrize('folder', FOLDERS)
 @pytest.mark.parametrize('width', WIDTHS[1:])
-def test_a_terminal_gets_names_and_paths_whole(run_all, name, folder, width):
+def test_on_a_terminal_names_and_paths_are_not_broken(run_all, name, folder, width):
     paths, home, outputs = run_all(folder, is_terminal=True)
     said, _ = outputs[name, width]
     (expected,) = (expected for each, _, _, expected in CASES if each == name)
-    if name == 'show-row':  # a column that the archive brings along; a narrow terminal has no room
+    if name == 'show-row':  # a column of the archive, which a narrow terminal hides
         expected = [text for text in expected if text != PORT or width > 80]
         assert (PORT in said) == (width > 80)
         assert ('or `| cat`: port' in said) == (width <= 80)
@@ -206,10 +206,10 @@ def test_a_terminal_gets_names_and_paths_whole(run_all, name, folder, width):
     assert '…' not in said
 
 
-def test_a_terminal_folds_lists_between_values(run_all):
+def test_on_a_terminal_lists_are_folded_between_values(run_all):
     *_, outputs = run_all('short', is_terminal=True)
     for width, lines in ((40, 2), (80, 1)):
         said, _ = outputs['show-objects', width]
-        facts = said.split('trial_id')[0]  # the table of trials follows
+        facts = said.split('trial_id')[0]  # omit the table of trials
         rows = [row for row in facts.splitlines() if 'none,' in row or 'sponge' in row]
         assert len(rows) == lines

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Imports and words of the command line before it works."""
+"""Start of the command line: imports, help, version and refusals."""
 
 import json
 from pathlib import Path
@@ -44,9 +44,9 @@ print(json.dumps(found))
 
 
 def run(*commands):
-    """Run commands, one after the other, in a Python of their own.
+    """Run commands one after the other in a separate Python process.
 
-    Yield exit code, output, and all modules that are loaded by then.
+    Yield for each its exit code, its output, and all modules that are loaded after it.
     """
     arguments = [['tactile', *command] for command in commands]
     command = [sys.executable, '-c', PROGRAM, json.dumps(arguments)]
@@ -55,7 +55,7 @@ def run(*commands):
         yield code, said, {name.partition('.')[0] for name in modules} | set(modules)
 
 
-def test_help_and_wrong_paths_import_nothing_slow():
+def test_help_and_wrong_paths_import_no_slow_module():
     refused = (
         ['sense', '--bogus'],
         ['train', 'nowhere', '-o', 'models'],
@@ -79,7 +79,7 @@ def test_help_and_wrong_paths_import_nothing_slow():
             assert re.search(r'nowhere\S* does not exist', ' '.join(said.split()))
 
 
-def test_help_imports_no_command_and_names_each():
+def test_help_lists_all_commands_without_importing_them():
     ((code, said, modules),) = run(['--help'])
     assert (code, 'model files' in said) == (0, True)
     assert not modules & HEAVY
@@ -95,8 +95,8 @@ def test_a_folder_without_models_is_refused_before_ros_is_loaded(tmp_path):
     assert not modules & {'rclpy', 'sklearn', 'matplotlib'}
 
 
-def test_a_process_that_senses_loads_no_library_of_other_work():
-    """Each finger may have a separate process, on a small computer."""
+def test_sensing_process_loads_no_unneeded_library():
+    """A small computer may run a separate process for each finger, so memory matters."""
     program = (
         'import json, sys\n'
         'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.watching\n'
@@ -115,7 +115,7 @@ def test_a_process_that_senses_loads_no_library_of_other_work():
 
 
 @needs_repository
-def test_the_version_is_that_of_the_package():
+def test_version_option_prints_the_version_of_the_package():
     manifest = (ROOT / 'src' / 'tactile_lab' / 'package.xml').read_text()
     version = re.search('<version>(.*?)</version>', manifest)[1]
     ((_, said, _),) = run(['--version'])
@@ -123,7 +123,7 @@ def test_the_version_is_that_of_the_package():
 
 
 @needs_repository
-def test_help_of_a_clone_names_every_command():
+def test_help_of_the_tactile_script_lists_every_command():
     script = [sys.executable, str(ROOT / 'tools' / 'main.py'), '--help']
     said = subprocess.run(script, capture_output=True, text=True, check=True).stdout
     for name in COMMANDS:
@@ -131,7 +131,7 @@ def test_help_of_a_clone_names_every_command():
 
 
 @needs_repository
-def test_a_clone_that_cannot_be_written_is_one_sentence(tmp_path):
+def test_read_only_clone_is_refused_in_one_sentence(tmp_path):
     for name in ('tools', 'requirements'):
         shutil.copytree(ROOT / name, tmp_path / name)
     (tmp_path / 'src').mkdir()

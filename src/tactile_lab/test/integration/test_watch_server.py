@@ -34,7 +34,7 @@ TRIAL = {'do': 'trial', 'protocol': 'texture', 'contact': 'flexion', 'object': '
 
 
 class Controls:
-    """Records the requests."""
+    """Replaces `WatchControls`, and stores the requests."""
 
     def __init__(self):
         self.calls = []
@@ -82,7 +82,7 @@ def run(work):
 
 @contextlib.asynccontextmanager
 async def page(server, origin=None, host=None, token=''):
-    """Give a socket as a page opens it."""
+    """Open a WebSocket as a page does."""
     own = f'127.0.0.1:{server.port}'
     headers = {'Origin': origin or f'http://{own}', 'Host': host or own}
     protocols = ['tactile', token] if token else []
@@ -94,7 +94,7 @@ async def page(server, origin=None, host=None, token=''):
 
 
 async def until(socket, condition):
-    """Return the first frame that fulfils a condition."""
+    """Receive frames until one meets a condition, and return it."""
     while True:
         frame = json.loads(await asyncio.wait_for(socket.receive_str(), DEADLINE_S))
         if condition(frame):
@@ -111,7 +111,7 @@ def block(number, count=1, rate_hz=60.0):
 
 
 def get(server, path='/', **headers):
-    """Return status, headers and text of an answer."""
+    """Return status, headers and text of a response."""
 
     async def work():
         async with (
@@ -123,7 +123,7 @@ def get(server, path='/', **headers):
     return run(work())
 
 
-def test_every_file_is_served_with_a_policy_and_nothing_else(server):
+def test_only_the_files_of_the_page_are_served_with_security_headers(server):
     for path in FILES:
         status, headers, text = get(server, path)
         assert (status, bool(text.strip())) == (200, True), path
@@ -137,7 +137,7 @@ def test_every_file_is_served_with_a_policy_and_nothing_else(server):
         assert get(server, path)[0] == 404, path
 
 
-def test_foreign_names_get_no_page_and_no_socket(server):
+def test_foreign_host_names_get_neither_page_nor_socket(server):
     status, _, text = get(server, Host='evil.example')
     assert status == 403
     assert 'this host name is not served' in text
@@ -151,7 +151,7 @@ def test_foreign_names_get_no_page_and_no_socket(server):
     assert refused.value.status == 403
 
 
-def test_without_the_token_a_page_can_stop_and_not_move(controls, server):
+def test_without_the_token_a_page_can_only_stop(controls, server):
     async def work():
         async with page(server) as socket:
             await socket.send_json({'do': 'home', 'finger': 'index'})
@@ -165,7 +165,7 @@ def test_without_the_token_a_page_can_stop_and_not_move(controls, server):
     assert controls.calls == ['stop', 'home index']
 
 
-def test_what_fails_and_what_is_no_command_is_said_to_all_pages(controls, server):
+def test_failed_and_invalid_commands_are_reported_to_all_pages(controls, server):
     token = token_of(server)
 
     async def work():
@@ -194,7 +194,7 @@ def test_what_fails_and_what_is_no_command_is_said_to_all_pages(controls, server
     assert controls.calls == ['tare ', 'trial  texture R1', 'stop']
 
 
-def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(state, server, monkeypatch):
+def test_frames_are_only_made_for_open_pages_at_a_limited_rate(state, server, monkeypatch):
     frames, send = [], server._send_to_all
 
     def count(frame, **options):
@@ -225,7 +225,7 @@ def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(state, ser
     assert len(frames) == made
 
 
-def test_a_page_that_comes_late_or_again_gets_each_point_once(state, server):
+def test_late_or_reconnected_page_gets_each_point_once(state, server):
     for number in range(100):
         state.update('', Finger.take_block, block(number))
 
@@ -234,7 +234,7 @@ def test_a_page_that_comes_late_or_again_gets_each_point_once(state, server):
             first = await until(one, lambda f: f.get('live'))
             async with page(server) as other:
                 second = await until(other, lambda f: f.get('live'))
-        async with page(server) as socket:  # immediately
+        async with page(server) as socket:  # the page connects again immediately
             frame = await until(socket, lambda f: f.get('begin'))
             times = frame['live']['']['x']
             for number in range(100, 130):
@@ -251,7 +251,7 @@ def test_a_page_that_comes_late_or_again_gets_each_point_once(state, server):
     assert len(times) == 130
 
 
-def test_pages_are_limited_and_the_last_place_needs_the_token(server):
+def test_number_of_pages_is_limited_and_the_last_one_needs_the_token(server):
     async def work():
         async with contextlib.AsyncExitStack() as stack:
 
@@ -278,7 +278,7 @@ def test_pages_are_limited_and_the_last_place_needs_the_token(server):
 
 
 def open_connections(server, count, text=b''):
-    """Return connections that say a text, and no more."""
+    """Open connections that send a text and then nothing."""
     connections = [socket.create_connection(('127.0.0.1', server.port)) for _ in range(count)]
     for connection in connections:
         connection.sendall(text)
@@ -296,7 +296,9 @@ def is_closed(connection):
 
 
 @pytest.mark.parametrize('text', [b'', b'GET / HTTP/1.1\r\nHost: '])
-def test_silent_connections_are_bounded_end_and_keep_nobody_out(server, monkeypatch, text):
+def test_silent_connections_are_limited_and_closed_without_blocking_pages(
+    server, monkeypatch, text
+):
     async def work():
         async with page(server) as socket:
             await until(socket, lambda f: f.get('begin'))
@@ -310,16 +312,17 @@ def test_silent_connections_are_bounded_end_and_keep_nobody_out(server, monkeypa
             monkeypatch.setattr(server_module, 'WAITING_S', 0.2)
             (connection,) = open_connections(server, 1, text)
             await asyncio.to_thread(wait_until, lambda: is_closed(connection))
-            await until(socket, lambda f: f == {})  # the page that was there stays
+            await until(socket, lambda f: f == {})  # the open page stays open
             connection.close()
 
-    monkeypatch.setattr(server_module, 'WAITING_S', 1e3)  # closed only because of the limit
+    # Connections are now only closed because of their number.
+    monkeypatch.setattr(server_module, 'WAITING_S', 1e3)
     before = len(list(Path('/proc/self/fd').iterdir()))
     run(work())
     assert get(server)[0] == 200
 
 
-def test_a_second_server_takes_another_port_and_a_taken_one_is_refused(server):
+def test_second_server_selects_another_port_and_a_requested_port_in_use_is_refused(server):
     with WatchServer(WatchState(), Controls()) as second:
         assert second.port != server.port
         assert token_of(second) != token_of(server)

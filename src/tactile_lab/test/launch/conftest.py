@@ -4,5 +4,5 @@
 from pathlib import Path
 import sys
 
-# What the launch tests share lies beside them and is no part of the package.
+# Helpers of the launch tests are in this folder, which is not part of the package.
 sys.path.insert(0, str(Path(__file__).parent))

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shared by the launch tests: a launched file, models, and an ear on its topics."""
+"""Helpers of the launch tests: launch descriptions, models, and a listener on topics."""
 
 import atexit
 import contextlib
@@ -31,12 +31,12 @@ from tactile_ros.qos import RESULTS
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 120.0
-"""Far more than anything needs: the computer may be busy with other tests."""
+"""Much longer than necessary [s], because the computer may be busy with other tests."""
 
 
 def launched(name, **arguments):
-    """Return the description of a launch file that is ready immediately, on a separate domain."""
-    # The launched processes take their domain from the environment.
+    """Return a launch description on a separate ROS domain that is ready to test immediately."""
+    # The launched processes read their ROS domain from the environment.
     os.environ['ROS_DOMAIN_ID'] = str(until_end(domain_id()))
     share = Path(get_package_share_directory('tactile_bringup'))
     included = IncludeLaunchDescription(
@@ -47,14 +47,14 @@ def launched(name, **arguments):
 
 
 def until_end(resource):
-    """Enter a context that is left when the test process ends."""
+    """Enter a context manager, which is left when the test process ends."""
     resources = contextlib.ExitStack()
     atexit.register(resources.close)
     return resources.enter_context(resource)
 
 
 def new_folder():
-    """Return a new folder that is gone when the test process ends."""
+    """Return a new folder, which is removed when the test process ends."""
     return Path(until_end(tempfile.TemporaryDirectory(prefix='launch_test_')))
 
 
@@ -73,14 +73,14 @@ def trained_model(folder, protocol):
 
 
 class Ear:
-    """Hears topics on the domain of the launched processes. A context manager.
+    """Receives topics on the ROS domain of the launched processes. It is a context manager.
 
     Parameters
     ----------
     topics : mapping of str to type
-        Message type by topic.
-    others : sequence of rclpy.node.Node
-        Made by the caller in ``context``; spun, too.
+        Message type of each topic.
+    make_others : callable
+        Called with the ROS context. Returns further nodes to spin.
     """
 
     def __init__(self, topics, make_others=lambda context: ()):
@@ -102,9 +102,9 @@ class Ear:
     def wait_for_publishers(self, *topics):
         wait_until(
             lambda: all(self.node.count_publishers(self._full(topic)) for topic in topics),
-            lambda: 'nobody publishes '
+            lambda: 'no node publishes '
             + ', '.join(t for t in topics if not self.node.count_publishers(self._full(t))),
-            timeout_s=60.0,  # a first start compiles
+            timeout_s=60.0,  # the first start compiles Python modules
         )
 
     def wait_for_messages(self, topic, count=1):

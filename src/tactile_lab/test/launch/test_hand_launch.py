@@ -50,7 +50,7 @@ def generate_test_description():
 
 
 class TestHold(unittest.TestCase):
-    def test_each_finger_answers_for_itself_and_again_when_the_hand_has_died(self, proc_info):
+    def test_each_finger_is_classified_separately_also_after_the_hand_was_killed(self, proc_info):
         for lives in (1, 2):
             self.let_each_finger_answer(f'in life {lives}')
             hands = [name for name in proc_info.process_names() if 'finger_node' in name]
@@ -74,13 +74,13 @@ class TestHold(unittest.TestCase):
                 self.assertEqual(answers[0].reason, '')
 
     def hold(self, ear, finger, when):
-        """State a hold over the samples that are coming, as the mover of a finger does."""
+        """Publish the events of a hold, as the program that moves the finger does."""
         strain = ear.heard[f'left/{finger}/tendon_sensor/strain']
         publisher = ear.node.create_publisher(
             TrialEvent, f'left/{finger}/trial_runner/events', EVENTS
         )
         wait_until(lambda: strain, lambda: f'no samples of {finger}')
-        # A window that begins before the feature node hears the sensor is refused.
+        # The feature node refuses a window that begins before the first sample it has received.
         features = f'left/{finger}/tactile_features'
         wait_until(
             lambda: any(
@@ -106,5 +106,5 @@ class TestHold(unittest.TestCase):
 
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
-    def test_every_process_ends_with_zero(self, proc_info):
+    def test_every_process_exits_with_code_0(self, proc_info):
         launch_testing.asserts.assertExitCodes(proc_info)

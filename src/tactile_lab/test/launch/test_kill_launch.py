@@ -1,10 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Kill or freeze each node of the launched rig in contact: all motion ends, the tendon goes slack.
+"""Kill or freeze each node of a rig during contact: all motion ends, and the tendon becomes slack.
 
-With TACTILE_KILLS=FILE, one line of JSON with the measured times is appended for each case;
-docs/motion.md has the table.
-"""
+If the environment variable TACTILE_KILLS is set to a file name, the measured times of each case
+are appended to this file, as one line of JSON. docs/motion.md has them as a table."""
 
 import contextlib
 import json
@@ -105,7 +104,7 @@ class LaunchedRig:
         self._group.__enter__()
 
     def insist(self, ask):
-        """Ask until it is granted: a node that starts again takes a moment."""
+        """Call ``ask`` until it succeeds, because a restarted node is not ready immediately."""
         problem = ''
 
         def is_granted():
@@ -135,9 +134,10 @@ class LaunchedRig:
 
 
 def watch(rig, resume):
-    """Return when guide and tendon last moved on, and when the tendon was slack, from now [s].
+    """Observe the rig, and return times since the call of this function [s].
 
-    `resume` is called after FROZEN_S; the watch goes on for WATCHED_S after that.
+    They are the end of the motion of guide and tendon, and the time at which the tendon was slack.
+    ``resume`` is called after `FROZEN_S`; the rig is then observed for another `WATCHED_S`.
     """
     began_s, before = time.monotonic(), rig.truth()
     rest = {'guide_rest_s': 0.0, 'tighten_s': 0.0, 'slack_s': None}
@@ -166,7 +166,7 @@ def send(processes, number):
 
 
 def run_until_killed(operator, request, problems):
-    # Without the runner no result comes; the test may end before the operator has given up.
+    # Without the trial runner there is no result. The test may end before the operator times out.
     try:
         operator.run_trial(request)
     except (TactileError, RuntimeError) as error:
@@ -176,7 +176,7 @@ def run_until_killed(operator, request, problems):
 @pytest.mark.parametrize('protocol', SCENES)
 @pytest.mark.parametrize('fault', FAULTS)
 @pytest.mark.parametrize('victim', VICTIMS)
-def test_a_dead_node_leaves_a_slack_tendon_and_the_next_trial_runs(
+def test_after_the_death_of_a_node_the_tendon_becomes_slack_and_the_next_trial_runs(
     tmp_path, protocol, fault, victim
 ):
     label, phase = SCENES[protocol]

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The launch files and the commands name their nodes each for themselves; they must agree.
+"""Launch files and `tactile` commands must start the same nodes with the same parameters.
 
-A launch file is evaluated by the real ``launch``, and no process is started.
+The launch files are evaluated by ``launch``, but no process is started.
 """
 
 from pathlib import Path
@@ -28,7 +28,7 @@ PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
 
 
 def evaluate(name, **arguments):
-    """Return the actions of a launch file that are not arguments and includes."""
+    """Return the actions of a launch file, except arguments and includes."""
     context = LaunchContext()
     context.launch_configurations.update({k: str(v) for k, v in arguments.items()})
     source = PythonLaunchDescriptionSource(str(LAUNCH_FOLDER / f'{name}.launch.py'))
@@ -50,7 +50,7 @@ def as_dict(descriptions):
     found = {}
     for node in descriptions:
         assert node.path not in found
-        # An empty value is the default.
+        # Omit empty values, which are defaults.
         parameters = {k: v for k, v in node.parameters.items() if v not in ('', (), [])}
         found[node.path] = parameters
     return found
@@ -58,7 +58,9 @@ def as_dict(descriptions):
 
 @pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
 @pytest.mark.parametrize('namespace', ['', 'thumb'])
-def test_a_rig_is_that_of_the_command(protocol, namespace, trained, parameter_file, tmp_path):
+def test_launch_file_of_a_rig_starts_the_nodes_of_the_command(
+    protocol, namespace, trained, parameter_file, tmp_path
+):
     given = {f'{name}_port': f'/dev/{name}' for name in ('guide', 'tendon', 'sensor')}
     text = '/**/trial_runner: {ros__parameters: {guide_start_m: 0.05}}'
     record, models = tmp_path / 'bag', trained if protocol == 'stiffness' else ''
@@ -94,7 +96,9 @@ left:
 
 @pytest.mark.parametrize('options', [{}, {'phases': 'stiffness', 'contact': 'flexion'}])
 @pytest.mark.parametrize('has_models', [True, False])
-def test_a_hand_is_that_of_the_command(options, has_models, trained, parameter_file, tmp_path):
+def test_launch_file_of_a_hand_starts_the_nodes_of_the_command(
+    options, has_models, trained, parameter_file, tmp_path
+):
     path, models = parameter_file(HAND), str(trained) if has_models else ''
     shared = {'models': models, 'record': tmp_path / 'bags', 'namespace': 'left', **options}
     nodes = launched('hand', params_file=path, processes='node', **shared)
@@ -107,24 +111,24 @@ def test_a_hand_is_that_of_the_command(options, has_models, trained, parameter_f
 @pytest.mark.parametrize(
     'options', [{}, {'sensor_port': '/dev/x'}, {'sensor_port': 'none'}, {'sensor_topic': '/f:fx'}]
 )
-def test_a_finger_is_that_of_the_command(options, trained):
+def test_launch_file_of_a_finger_starts_the_nodes_of_the_command(options, trained):
     nodes = launched('sense', models=trained, processes='node', **options)
     assert nodes == as_dict(hand_graph([''], ParameterFile(), models=str(trained), **options))
 
 
-def test_a_replay_is_that_of_the_command(stiffness_bag, trained, tmp_path):
+def test_launch_file_of_a_replay_starts_the_nodes_of_the_command(stiffness_bag, trained, tmp_path):
     nodes = launched('replay', bag=stiffness_bag, models=trained)
     assert nodes == as_dict(replay_graph(stiffness_bag, trained, tmp_path))
 
 
 @pytest.mark.parametrize('value', ['true', 'True', '1'])
-def test_time_and_start_are_told_to_every_node(value):
+def test_every_node_gets_use_sim_time_and_autostart(value):
     for action in evaluate('texture', use_sim_time=value, autostart='False'):
         assert action.description.parameters['use_sim_time'] is True
         assert action.description.parameters['autostart'] is False
 
 
-def test_a_recorder_is_never_started_again_and_the_tendon_soonest(tmp_path):
+def test_recorder_is_not_restarted_and_the_tendon_actuator_restarts_first(tmp_path):
     for action in evaluate('texture', record=tmp_path / 'bag'):
         name = action.description.name
         assert action.process['respawn'] is (name != 'bag_recorder')
@@ -169,7 +173,7 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
         ),
     ],
 )
-def test_what_does_not_fit_is_refused_with_a_sentence(name, values, sentence):
+def test_contradictory_values_are_refused_with_a_sentence(name, values, sentence):
     with pytest.raises(Exception, match=sentence):
         evaluate(name, **values)
 
@@ -181,9 +185,7 @@ def test_what_does_not_fit_is_refused_with_a_sentence(name, values, sentence):
         ('hand_file:=x', 'there is no argument hand_file'),
     ],
 )
-def test_an_argument_that_nobody_declares_is_refused_on_the_command_line(
-    monkeypatch, word, sentence
-):
+def test_undeclared_launch_argument_is_refused(monkeypatch, word, sentence):
     command = ['ros2', 'launch', 'tactile_bringup', 'sense.launch.py', word]
     monkeypatch.setattr(sys, 'argv', command)
     with pytest.raises(TactileError, match=sentence):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Each protocol's launch file, with the simulated rig that it starts: a trial, an answer."""
+"""The launch file of each protocol, with a simulated rig: one trial and its classification."""
 
 import unittest
 
@@ -48,7 +48,7 @@ def generate_test_description(protocol):
 
 
 class TestTrial(unittest.TestCase):
-    def test_a_trial_gives_features_and_an_answer(self, protocol):
+    def test_trial_yields_features_and_a_classification(self, protocol):
         answers = 'tactile_classifier/classification'
         topics = {'tactile_features/features': TactileFeatures, answers: Classification}
         with Ear(topics, lambda context: [OperatorNode(context)]) as ear:
@@ -67,10 +67,10 @@ class TestTrial(unittest.TestCase):
 
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
-    def test_every_process_ends_with_zero(self, proc_info):
+    def test_every_process_exits_with_code_0(self, proc_info):
         launch_testing.asserts.assertExitCodes(proc_info)
 
-    def test_the_trial_is_in_the_bag(self, bag, protocol):
+    def test_the_trial_is_recorded(self, bag, protocol):
         with TactileBag(bag) as recording:
             counts = {name: count for name, (_, count) in recording.topics.items()}
         self.assertEqual(counts['/tactile_classifier/classification'], 1)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording through launched nodes, on its own time: what the plain core says of it."""
+"""Replay of a recording through launched nodes, with simulated time."""
 
 import unittest
 
@@ -36,7 +36,7 @@ def generate_test_description():
 
 
 class TestReplay(unittest.TestCase):
-    def test_the_answers_are_those_of_the_core_and_the_launch_ends(self, expected, proc_info):
+    def test_results_equal_those_of_the_plain_core_and_the_launch_ends(self, expected, proc_info):
         with Ear({ANSWERS: Classification}) as ear:
             messages = ear.wait_for_messages(ANSWERS, len(expected))
             answers = [classification_from_msg(message) for message in messages]
@@ -46,5 +46,5 @@ class TestReplay(unittest.TestCase):
 
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
-    def test_every_process_ends_with_zero(self, proc_info):
+    def test_every_process_exits_with_code_0(self, proc_info):
         launch_testing.asserts.assertExitCodes(proc_info)

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A finger that something else moves, with phases stated by it or found in the tension.
+"""A finger that another program moves, with phases from trial events or detected in the tension.
 
-What moves it here is the rig's own motion, run by the test: to the launched nodes it is a hand.
+Here, the test moves the finger with the simulated rig, which the launched nodes do not know.
 """
 
 import unittest
@@ -51,7 +51,7 @@ def generate_test_description(phases):
 
 
 class TestPress(unittest.TestCase):
-    def test_a_press_gives_features_and_an_answer(self, rig, phases):
+    def test_press_yields_features_and_a_classification(self, rig, phases):
         topics = {FEATURES: TactileFeatures, ANSWERS: Classification}
         with Ear(topics) as ear:
             ear.wait_for_publishers('index/tendon_sensor/strain', *topics)
@@ -65,7 +65,7 @@ class TestPress(unittest.TestCase):
             operator = OperatorNode(ear.context, namespace='index')
             with running_graph(motion, ear.context, others=[operator]):
                 operator.home_guide()
-                advance_rig(rig, REST_S)  # a finger's tension at rest is learnt at rest
+                advance_rig(rig, REST_S)  # the detection first needs the tension at rest
                 operator.run_trial(TrialRequest('stiffness', 'flexion', '', 'pressed'))
                 window = ear.wait_for_messages(FEATURES)[-1]
                 answer = ear.wait_for_messages(ANSWERS)[-1]
@@ -79,5 +79,5 @@ class TestPress(unittest.TestCase):
 
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
-    def test_every_process_ends_with_zero(self, proc_info):
+    def test_every_process_exits_with_code_0(self, proc_info):
         launch_testing.asserts.assertExitCodes(proc_info)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A headless Chromium that a script or a test drives over its DevTools protocol."""
+"""A headless Chromium, which a script or a test controls with the DevTools protocol."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ ANSWER_S = 30.0
 
 
 def find_chromium() -> str | None:
-    """Return the path of a Chromium; None if there is none."""
+    """Return the path of Chromium; None if it is not installed."""
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
 class Chromium:
-    """One browser with one tab; a context manager. Calls block.
+    """A browser with one tab. It is a context manager; its methods block.
 
     Attributes
     ----------
     console : list of str
-        What the page has written to the console, errors and refusals of the browser included.
+        Messages in the console of the page, including errors of the browser.
     """
 
     def __init__(self, width: int = 1280, height: int = 900) -> None:
@@ -86,15 +86,16 @@ class Chromium:
     # -- use ------------------------------------------------------------------------
 
     def open(self, address: str) -> None:
-        """Open a page, and wait until it is loaded."""
-        for url in ('about:blank', address):  # a different fragment does not reload the page
+        """Open a page, and wait until it has been loaded."""
+        # A change of only the fragment would not reload the page.
+        for url in ('about:blank', address):
             self.call('Page.navigate', url=url)
             self.wait_for(
                 f'document.readyState === "complete" && location.href.startsWith({url!r})'
             )
 
     def evaluate(self, expression: str) -> Any:
-        """Return the value of an expression of JavaScript."""
+        """Evaluate a JavaScript expression, and return its value."""
         answer = self.call(
             'Runtime.evaluate', expression=expression, returnByValue=True, awaitPromise=True
         )
@@ -103,7 +104,7 @@ class Chromium:
         return answer['result'].get('value')
 
     def wait_for(self, expression: str, timeout_s: float = ANSWER_S) -> None:
-        """Wait until an expression is true."""
+        """Wait until a JavaScript expression is true."""
         deadline = time.monotonic() + timeout_s
         while not self.evaluate(f'Boolean({expression})'):
             if time.monotonic() > deadline:
@@ -112,7 +113,7 @@ class Chromium:
             time.sleep(0.05)
 
     def resize(self, width: int, height: int, scale: float = 1.0) -> None:
-        """Give the page a size [px]."""
+        """Set the size of the page [px]."""
         self.call(
             'Emulation.setDeviceMetricsOverride',
             width=width,
@@ -122,7 +123,7 @@ class Chromium:
         )
 
     def set_scheme(self, scheme: str) -> None:
-        """Let the page be ``light`` or ``dark``."""
+        """Set the colour scheme of the page: ``light`` or ``dark``."""
         features = [{'name': 'prefers-color-scheme', 'value': scheme}]
         self.call('Emulation.setEmulatedMedia', features=features)
 
@@ -132,7 +133,7 @@ class Chromium:
         return base64.b64decode(data)
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Call a method of the protocol."""
+        """Call a method of the DevTools protocol, and return its result."""
         return self._run(self._call(method, parameters))
 
     # -- the protocol ------------------------------------------------------------------

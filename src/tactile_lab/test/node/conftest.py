@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lets the tests here share their bench."""
+"""Makes the helpers in this folder importable."""
 
 from pathlib import Path
 import sys

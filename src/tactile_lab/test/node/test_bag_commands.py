@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile replay` and `tactile repair`, on recordings made of simulated ones."""
+"""`tactile replay` and `tactile repair` on recordings that are made from simulated bags."""
 
 import json
 
@@ -17,9 +17,9 @@ from tactile_ros.topics import FEATURES_TOPIC, STRAIN
 
 
 def record(source, target, lose=()):
-    """Copy a simulated bag and add the features that nodes would have published.
+    """Copy a simulated bag, and add the features that nodes would have published.
 
-    Strain messages of the indices in ``lose`` were heard by the nodes but not recorded.
+    The strain messages whose indices are in ``lose`` were received by the nodes, but not recorded.
     """
     with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
         for topic in bag.stored_topics:
@@ -37,7 +37,7 @@ def record(source, target, lose=()):
 
 
 @pytest.mark.parametrize('lose', [(), {7}])
-def test_replay_repeats_itself_until_it_differs_and_audits(stiffness_bag, tmp_path, lose):
+def test_replay_is_repeated_until_a_difference_and_prints_audits(stiffness_bag, tmp_path, lose):
     bag = record(stiffness_bag, tmp_path / 'bag', lose)
     done = tactile('replay', bag, '--no-nodes', '--times', 2, '--json')
     assert done.returncode == bool(lose)
@@ -49,7 +49,7 @@ def test_replay_repeats_itself_until_it_differs_and_audits(stiffness_bag, tmp_pa
 
 
 TENSION_BYTE, LENGTH_BYTE = 48, 15
-"""Of the first value of the tension in a message, and of the length of its frame's name."""
+"""Offsets in a serialized message: its first tension value, and the length of its frame id."""
 
 
 @pytest.mark.parametrize('damage', [0, TENSION_BYTE, LENGTH_BYTE])

@@ -26,7 +26,7 @@ DEADLINE_S = 60.0
 MANY_EVENTS = QoSProfile(
     depth=STREAM.depth, reliability=EVENTS.reliability, durability=EVENTS.durability
 )
-"""As `EVENTS`, for who takes many at a time because the computer is busy."""
+"""Like `EVENTS`, with a larger depth: on a busy computer, many messages are taken at a time."""
 
 
 def player(bag, **parameters):
@@ -34,7 +34,7 @@ def player(bag, **parameters):
 
 
 class Listener:
-    """Records the played messages as bytes, and the clock."""
+    """Stores the played messages as bytes, and the times on the topic /clock."""
 
     def __init__(self, context):
         self.node = Node('listener', context=context)
@@ -60,7 +60,7 @@ def recorded(path):
     return data, (messages[0].received_at_ns, messages[-1].received_at_ns)
 
 
-def test_the_very_bytes_are_played_and_the_clock_is_that_of_the_bag(context, stiffness_bag):
+def test_recorded_bytes_are_played_with_the_clock_of_the_bag(context, stiffness_bag):
     expected, span_ns = recorded(stiffness_bag)
     listener = Listener(context)
     follower = Node('follower', context=context)
@@ -68,7 +68,7 @@ def test_the_very_bytes_are_played_and_the_clock_is_that_of_the_bag(context, sti
     node = create_node(player(stiffness_bag, rate=100.0, start_delay_s=0.0), context)
     with NodeGroup([node, listener.node, follower], context=context):
         node.trigger_configure()
-        # The player waits for subscribers; these must know the player, too.
+        # The player waits for subscribers, and the subscribers must have found the player, too.
         readers = [*listener.node.subscriptions, *follower.subscriptions]
         wait_until(lambda: all(reader.get_publisher_count() for reader in readers))
         node.trigger_activate()
@@ -84,7 +84,7 @@ def test_the_very_bytes_are_played_and_the_clock_is_that_of_the_bag(context, sti
     assert len(listener.clock_ns) > 20
 
 
-def test_what_cannot_be_played_is_refused_with_a_sentence(context, stiffness_bag, tmp_path):
+def test_invalid_bag_is_refused_by_the_player(context, stiffness_bag, tmp_path):
     for description in (player(tmp_path), player(''), player(stiffness_bag, namespace='toe')):
         node = create_node(description, context)
         assert not node.bring_up()
@@ -103,7 +103,7 @@ def test_playing_can_be_ended(context, stiffness_bag):
     assert not any(thread.name == 'bag player' for thread in threading.enumerate())
 
 
-def test_what_goes_wrong_while_it_plays_ends_it_as_failed(context, stiffness_bag, capfd):
+def test_error_while_playing_ends_the_player_as_failed(context, stiffness_bag, capfd):
     def fail(*_, **__):
         raise RuntimeError('the folder went away')
 
@@ -119,7 +119,7 @@ def test_what_goes_wrong_while_it_plays_ends_it_as_failed(context, stiffness_bag
     assert 'RuntimeError: the folder went away' in log
 
 
-def test_its_process_ends_with_0_at_the_end_of_the_bag(context, stiffness_bag):
+def test_player_process_exits_with_0_at_the_end_of_the_bag(context, stiffness_bag):
     program = 'import sys; from tactile_bags.nodes.bag_player_node import main; sys.exit(main())'
     parameters = (f'bag:={stiffness_bag}', 'rate:=1000.0', 'start_delay_s:=0.1')
     done = subprocess.run(

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tactile command as a user meets it: a process with arguments, output and an exit code."""
+"""The `tactile` command in a separate process: arguments, output and exit code."""
 
 import json
 import re
@@ -63,10 +63,10 @@ def test_a_bag_without_features_is_refused(stiffness_bag, trained):
     assert 'nothing to compare' in said
 
 
-def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(
+def test_interrupted_trials_report_their_recording_which_replays_equal(
     rewrite, trained, parameter_file, tmp_path
 ):
-    """More than ten seconds: one trial and half of another run live, then the bag is replayed."""
+    """Takes more than 10 s: one and a half live trials, and a replay of the bag."""
     bag = tmp_path / 'bag'
     command = ['trials', 'stiffness', '--object', 'none', '--count', '2', '--simulated']
     command += [
@@ -91,7 +91,7 @@ def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(
     document = json.loads(out)
     assert (document['simulated'], document['ended_early']) == (True, 'interrupted')
     (trial,) = document['trials']
-    # On a busy computer a trial may have been run a second time, under a name that says so.
+    # On a busy computer a trial may be repeated; its id then ends in -again1.
     assert re.fullmatch(r's-stiffness-flexion-none-\d{6}-0001(-again1)?', trial['trial_id'])
     assert trial['answer'] == 'none'
     events = events_of(bag)
@@ -115,10 +115,10 @@ def events_of(bag):
 
 
 def has_begun(bag, trial, phase):
-    """Return whether a recording that is under way has a phase of a trial."""
+    """Return True if a bag that is being recorded contains a phase of a trial."""
     try:
         events = events_of(bag)
-    except BagError:  # nothing is recorded yet
+    except BagError:  # the bag does not exist yet
         return False
     return any(trial in event.trial_id and event.phase == phase for event in events)
 
@@ -126,7 +126,7 @@ def has_begun(bag, trial, phase):
 @pytest.mark.parametrize(
     ('arguments', 'sentence'),
     [
-        (['rig'], 'state the ports'),
+        (['rig'], 'give the ports'),
         (['simulate', 'texture', '-o', '/proc/nowhere'], 'cannot make the folder'),
         (['simulate', 'texture', '-o', 'out', '--seed', '-1'], '--seed'),
         (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'uses its own ports'),
@@ -135,7 +135,7 @@ def has_begun(bag, trial, phase):
         (['hand', '--fingers', '2nd'], 'not a valid name of a finger'),
     ],
 )
-def test_what_cannot_be_is_refused_in_a_sentence(arguments, sentence):
+def test_invalid_arguments_are_refused_with_a_sentence(arguments, sentence):
     said = hear_tactile(*arguments, code=2)
     assert sentence in said.replace("'", '')
     assert 'Traceback' not in said

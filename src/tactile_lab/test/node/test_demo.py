@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demo's chain, end to end, with few trials."""
+"""`tactile demo` with few trials."""
 
 from functools import partial
 import json
@@ -13,9 +13,9 @@ from tactile_lab.commands import train
 from tactile_lab.experiment import live_rig
 
 
-def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypatch):
-    """More than ten seconds: the demo trains models, and its trials and its replay run live."""
-    # Cross-validation is tested where evaluations are.
+def test_short_demo_replays_equal_and_writes_its_results(tmp_path, monkeypatch):
+    """Takes more than 10 s: training, live trials, and replay in real time."""
+    # Cross-validation is shortened, because other tests cover it.
     monkeypatch.setattr(train, 'train_models', partial(train.train_models, repetitions=1, folds=2))
     monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
     quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
@@ -29,12 +29,12 @@ def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypa
     assert summary['simulated'] is True
     protocols = [trial['protocol'] for trial in summary['live_trials']]
     assert protocols == ['texture', 'stiffness']
-    for trial in summary['live_trials']:  # a label, or "unknown" at its rate of false rejection
+    for trial in summary['live_trials']:  # a label, or sometimes "unknown" (false rejection)
         assert trial['answer'] or 'unlike all' in trial['reason'], trial
     (report,) = summary['replay']
     assert report['equal']
     for comparison in report['comparisons'].values():
-        # More when a busy computer had a trial run a second time.
+        # There are more windows if a trial was repeated because the computer was busy.
         assert comparison['window_count'] == comparison['classification_count'] >= 2
     assert len(list((folder / 'models').glob('*.npz'))) == 4
     for plot in ('strain_trace.png', 'texture_spectra.png'):

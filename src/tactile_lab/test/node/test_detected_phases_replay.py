@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings replayed through nodes, with phases found in the tension."""
+"""Replay through nodes that detect the phases in the tension."""
 
 import dataclasses
 
@@ -11,7 +11,7 @@ from tactile_bags.replay import compare, replay_through_core
 from tactile_lab.replay_nodes import replay_through_nodes
 
 
-def test_nodes_find_the_phases_that_the_core_finds(stiffness_bag, context):
+def test_nodes_detect_the_same_phases_as_the_plain_core(stiffness_bag, context):
     with TactileBag(stiffness_bag) as bag:
         config = dataclasses.replace(recorded_features(bag).config, phases='stiffness')
         core = replay_through_core(bag, None, RecordedFeatures(config))

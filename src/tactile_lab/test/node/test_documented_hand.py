@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tutorial of a hand runs as it is written: SIMULATED tension, in real time, over real DDS.
+"""The commands of the hand tutorial run as written: SIMULATED tension in real time, over DDS.
 
 Commands that read or write files run in the process of the test, which saves their start.
 """
@@ -20,10 +20,10 @@ if not PAGE.is_file():
 
 
 HAND = 'python my_hand.py'
-"""The program that moves; the reader then ends the nodes with Ctrl-C."""
+"""The program that moves the hand. After it, the reader ends the nodes with Ctrl-C."""
 
 
-def test_commands_of_the_hand_run_as_written(tmp_path, monkeypatch):
+def test_commands_of_the_hand_tutorial_run_as_written(tmp_path, monkeypatch):
     """More than ten seconds: the hand starts and moves twice."""
     terminal = Terminal(tmp_path)
     monkeypatch.chdir(terminal.folder)
@@ -53,7 +53,7 @@ def run_here(command):
 
 
 def run_hand(terminal, command):
-    """Run the hand; once more if labels are missing because a busy computer delayed samples."""
+    """Run the program of the hand; repeat it once if a busy computer has delayed samples."""
     try:
         terminal.run(command)
     except AssertionError:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers while the finger glides, by models of shorter windows: in time, and replayed equal."""
+"""Early predictions by models of short windows: their delay, and an equal replay."""
 
 from collections import Counter
 import dataclasses
@@ -33,19 +33,19 @@ QUICK = {
     'trial_runner': {'approach_speed_m_s': 0.1, **PATIENT},
     'tendon_actuator': GUARD,
 }
-"""Parameters that shorten phases without influence on this test."""
+"""Parameters that shorten the phases that do not matter in this test."""
 
 
 HALF_SECOND = 30  # samples
 LATEST_S = 0.03
-"""Longest time from the last sample of an early window to its answer."""
+"""Longest time from the last sample of an early window to its prediction [s]."""
 
 
 @pytest.fixture
 def models(simulate_bag, tmp_path):
-    """Return a folder of models with different windows, of which one is half a second.
+    """Return a folder of models with different window lengths; the shortest is 0.5 s.
 
-    The file contains its task and features; this model is for any contact.
+    The model of 0.5 s is for any contact.
     """
     bag = simulate_bag('texture', 'flexion', 3, seed=5)
     folder = tmp_path / 'models'
@@ -63,7 +63,7 @@ def models(simulate_bag, tmp_path):
 
 
 def glide(bag, models, trials):
-    """Record live trials; return them."""
+    """Run and record live trials, and return them."""
     with SimulatedRig(seed=3) as rig, domain_id() as domain:
         home_fast(rig)
         setup = LiveSetup(
@@ -78,7 +78,10 @@ def glide(bag, models, trials):
 
 
 def find_delays_s(recording, digests):
-    """Return how long after the last sample of each early window its answer was recorded [s]."""
+    """Return the delays of early predictions [s].
+
+    A delay is the time from the last sample of the window to the recording of the prediction.
+    """
     samples = {}
     for message, block in read_records(recording.messages(STRAIN)):
         for n in range(len(block.tension_n)):
@@ -95,13 +98,14 @@ def find_delays_s(recording, digests):
     ]
 
 
-def test_the_model_of_half_a_second_answers_while_it_glides(models, tmp_path):
-    """Almost half a minute: three glides of full length, because their delays are measured."""
+def test_model_of_half_a_second_classifies_during_the_glide(models, tmp_path):
+    """Takes almost 30 s: three complete glides, of which the delays are measured."""
     bag = tmp_path / 'bag'
     trials = glide(bag, models, 3)
     for trial in trials:
         assert len({answer.model_id for answer in trial.answers}) == 3
-        assert all(answer.scores for answer in trial.answers)  # one in twenty may be unknown
+        # The labels are not checked: 5 % may be unknown.
+        assert all(answer.scores for answer in trial.answers)
     with TactileBag(bag) as recording:
         wanted = {spec.digest: spec for spec in recorded_features(recording).wanted}
         results = recorded_results(recording)
@@ -112,7 +116,7 @@ def test_the_model_of_half_a_second_answers_while_it_glides(models, tmp_path):
         ('texture_spectrum', 180, False),
         ('texture_spatial', 0, False),
     }
-    # A busy computer may delay any process; what the nodes themselves take is the shortest.
+    # Only the shortest delay is tested, because a busy computer may delay any process.
     assert len(delays_s) >= 3
     assert min(delays_s) <= LATEST_S, delays_s
     last = results.windows[-1].trial_id
@@ -123,7 +127,7 @@ def test_the_model_of_half_a_second_answers_while_it_glides(models, tmp_path):
     assert report.is_equal, report.comparisons
     counts = {c.classification_count for c in report.comparisons.values()}
     assert counts == {len(results.classifications)}
-    # Without another word, training takes the full windows.
+    # By default, training uses the full windows.
     tables = read_tables([bag])
     assert {t.spec.feature_set for t in tables.values()} == {'texture_spectrum', 'texture_spatial'}
     assert not any(table.spec.is_early for table in tables.values())

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An experiment on the simulated rig: interrupted, killed, gone on with, read."""
+"""An experiment on the simulated rig that is interrupted, killed, continued and read."""
 
 import signal
 import time
@@ -24,9 +24,9 @@ from tactile_testing.waiting import wait_until
 
 
 def run_until_done(folder, quick, count, signal_number):
-    """Run until a number of trials is done and the next is in its hold, then send a signal.
+    """Run until ``count`` trials are done and the next is in its hold; then send a signal.
 
-    On a busy machine a trial may fail, and is then run again.
+    On a busy computer a trial may fail, and is then repeated.
     """
     plan = folder.path if folder.path.exists() else folder.path.with_suffix('.yaml')
     with program('experiment', plan, '--simulated', '--yes', *quick) as process:
@@ -53,16 +53,16 @@ def wait_beside(process, condition):
 
 
 def phases(folder, trial_id):
-    """Return the phases of a trial that the last bag has so far."""
+    """Return the phases of a trial that have been recorded to the last bag so far."""
     with TactileBag(folder.list_bags()[-1]) as bag:
         events = [event for _, event in read_records(bag.messages(EVENT))]
     return [event.phase for event in events if event.trial_id == trial_id]
 
 
-def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
+def test_experiment_continues_after_ctrl_c_and_kill_and_its_trials_are_read(
     tmp_path, monkeypatch, parameter_file
 ):
-    """More than half a minute: four programs start, and five trials run live."""
+    """Takes more than 30 s: four starts of the program, and five live trials."""
     let_rigs_home_fast(monkeypatch.setattr)
     quick = ('--params', parameter_file(SHORT_HOLD))
     plan = tmp_path / 'soft.yaml'
@@ -80,7 +80,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     out, _, code = run_until_done(folder, quick, 1, signal.SIGKILL)
     assert code == -signal.SIGKILL
     assert 'trial 1 of 2, ' in out
-    # The rest, and one more block of a session from the rig's start on.
+    # Run the remaining trials, and append a block when the rig has started.
     more = ('--append', 'soft-s01', '--simulated', '--yes', *quick)
     found = ask_tactile('experiment', folder.path, *more)
     assert (found['done'], found['interrupted'], len(folder.read_order())) == (3, 2, 3)
@@ -90,7 +90,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     said = hear_tactile('experiment', folder.path, '--simulated', '--yes')
     assert 'Complete. Train on it' in said
 
-    # The bags contain each trial of the order once, with separate mountings.
+    # The bags contain each planned trial once; after each interruption the mounting is new.
     events = []
     for path in folder.list_bags():
         with TactileBag(path) as bag:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording that is interrupted within a trial replays equal, but for what came too late."""
+"""A recording that was interrupted during a trial replays equal, except its last results."""
 
 import concurrent.futures
 from concurrent.futures import ThreadPoolExecutor
@@ -43,14 +43,14 @@ def rig():
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
-    """Servos may pause; the operator only waits shortly for the end of the trial."""
+    """Accept pauses of servos, and shorten the wait of the operator for the end of the trial."""
     let_servos_pause(monkeypatch)
     monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 20.0)
     monkeypatch.setattr(operator_node, 'END_TIMEOUT_S', 0.5)
 
 
 def record_until_interrupted(rig, bag, phase):
-    """Record one trial until it is in this phase."""
+    """Run and record a trial, and interrupt the recording in this phase."""
     phases, pool = [], ThreadPoolExecutor()
     with domain_id() as domain, ros_context(int(domain)) as context:
         runner = {'approach_speed_m_s': 0.1, 'hold_s': 2.8, **PATIENT}
@@ -68,12 +68,12 @@ def record_until_interrupted(rig, bag, phase):
             trial = pool.submit(operator.run_trial, request)
             wait_until(lambda: phase in phases)
         with suppress(TactileError, concurrent.futures.TimeoutError):
-            trial.result(1.0)  # there may be no node to answer
-        pool.shutdown(wait=False)  # the operator waits for 20 s
+            trial.result(1.0)  # returns also if the nodes have ended
+        pool.shutdown(wait=False)  # do not wait for the operator, which has a time-out of 20 s
 
 
 @pytest.mark.parametrize('phase', ['hold', 'release'])
-def test_a_recording_that_is_interrupted_in_a_trial_replays_equal(rig, tmp_path, phase):
+def test_recording_interrupted_during_a_trial_replays_equal(rig, tmp_path, phase):
     record_until_interrupted(rig, tmp_path / 'bag', phase)
     with TactileBag(tmp_path / 'bag') as bag:
         events = [event for _, event in read_records(bag.messages(EVENT))]
@@ -82,5 +82,5 @@ def test_a_recording_that_is_interrupted_in_a_trial_replays_equal(rig, tmp_path,
         found = compare_with_recorded(recorded_results(bag), core, bag.end_ns, begin_ns)
     assert events[-1].phase == 'aborted'
     assert found.is_equal, found
-    # Whether the window of the trial's end was still recorded, is a matter of milliseconds.
+    # The last window may or may not have been recorded, which depends on milliseconds.
     assert found.window_count + ('trial cut became' in (found.left_out or '')) == 1

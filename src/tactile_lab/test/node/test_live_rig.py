@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials on the simulated rig through every real part: serial lines, drivers, DDS."""
+"""Trials on the simulated rig, with real serial ports, drivers and DDS."""
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -40,7 +40,8 @@ from tactile_testing.waiting import wait_until
 DEADLINE_S = 20.0
 
 QUICK = {'approach_speed_m_s': 0.1, **PATIENT}
-"""Parameters of the trial runner that shorten, or bear, what no test here looks at."""
+"""Parameters of the trial runner that shorten phases, and accept delays of a busy computer, which
+are not tested here."""
 
 LATE_S = 0.6
 
@@ -50,13 +51,14 @@ GLIDE = {
     'lag_tolerance_s': 0.4,
     'displacement_tolerance_m': 0.002,
 }
-"""A short glide of the shared nodes. It bears a busy computer, but no pause of 1 s."""
+"""Parameters of the shared nodes for a short glide. Delays are accepted, but not a pause of 1
+s."""
 
 GLIDE_END_M = 0.09
 
 
 class Watcher(Node):
-    """Keeps the trial events, and can send a goal without waiting for its end."""
+    """Stores the trial events, and sends goals without waiting for their result."""
 
     def __init__(self, context):
         super().__init__('watcher', context=context)
@@ -109,7 +111,7 @@ def running_rig(rig, context, models=None, parameters=None, sensor_topic=''):
         'tendon_actuator': GUARD,
     }
     graph = rig_graph(ports, models, parameters, simulated=True)
-    if sensor_topic:  # the hand's own driver of the load cell
+    if sensor_topic:  # the sensor node of the hand, which publishes the topic
         driver = NodeDescription('tendon_sensor', {'port': rig.ports.sensor}, namespace='hand')
         graph.append(driver)
     with running_graph(graph, context, others=[operator, watcher]) as nodes:
@@ -126,7 +128,7 @@ def patient_driver():
 
 @pytest.fixture
 def rig():
-    """Return a rig of the test's own, which is not homed yet."""
+    """Return a rig that is not shared with other tests, and not homed."""
     with simulated_rig() as rig:
         yield rig
 
@@ -147,7 +149,7 @@ def running(trained):
 
 @pytest.fixture
 def shared(running):
-    """Return the shared rig and its nodes, at rest; the watcher has seen nothing yet."""
+    """Return the shared rig and its nodes at rest, and a watcher without events."""
     rig, _, watcher, _ = running
     truth_at_rest(rig)
     watcher.events.clear()
@@ -155,11 +157,12 @@ def shared(running):
 
 
 class TestSharedRig:
-    """Trials one after the other on one rig, whose nodes end before others begin."""
+    """Trials on one shared rig. Its nodes end before the nodes of other tests start."""
 
-    def test_stiffness_trial_is_felt_and_named(self, shared):
+    def test_stiffness_trial_is_classified(self, shared):
         rig, operator, watcher, nodes = shared
-        assert nodes['tactile_features'].is_fed_by_calls  # not one sample in a message
+        # Samples are passed in memory, not in messages.
+        assert nodes['tactile_features'].is_fed_by_calls
         rig.mount('stiffness', 'none', 'flexion')
         request = TrialRequest('stiffness', 'flexion', 'none', 'first')
         assert operator.run_trial(request) == 'first'
@@ -167,12 +170,12 @@ class TestSharedRig:
         (answer,) = operator.wait_for_answers('first', [model.model_id])
         assert answer.label == 'none', answer.reason
         assert answer.simulated
-        watcher.wait_for_phase('done')  # the result may come before the event
+        watcher.wait_for_phase('done')  # the result may arrive before the event
         assert watcher.phases() == ['approach', 'contact', 'hold', 'release', 'done']
         assert {event.trial_id for event in watcher.events} == {'first'}
         assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
 
-    def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(self, shared):
+    def test_cancelled_glide_stops_the_guide_and_slackens_the_tendon(self, shared):
         rig, _, watcher, _ = shared
         rig.mount('texture', 'R1', 'flexion')
         handle = watcher.start_trial('texture', glide_speed_m_s=0.005)
@@ -186,10 +189,10 @@ class TestSharedRig:
         assert truth['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
         assert 0.059 < truth['guide_position_m'] < GLIDE_END_M - 0.005
 
-    def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(
+    def test_stamps_of_phases_follow_the_motion_also_if_goals_are_accepted_late(
         self, shared, monkeypatch
     ):
-        """More than ten seconds: a whole texture trial, each of whose goals is accepted late."""
+        """Takes more than 10 s: a complete texture trial in which each goal is accepted late."""
         rig, operator, watcher, nodes = shared
         rig.mount('texture', 'R1', 'flexion')
 
@@ -212,7 +215,7 @@ class TestSharedRig:
                 looks.append((time.time_ns(), rig.truth()))
                 return trial.done()
 
-            # Each look costs the rig some of its time.
+            # Poll rarely, because each query delays the simulated rig.
             wait_until(is_over, poll_s=0.02)
         assert trial.result() == 'late'
         watcher.wait_for_phase('done')
@@ -229,17 +232,20 @@ class TestSharedRig:
             ('release', lambda s: s['guide_position_m'] > GLIDE_END_M - 1e-4),
         ):
             true_ns = next(at_ns for at_ns, state in looks if has_begun(state))
-            # The stamp of a goal would be early by LATE_S; reports come late on a busy computer.
+            # A stamp at the time of the goal would be early by LATE_S. Half of it allows for
+            # delays.
             assert abs(seen_ns[phase] - true_ns) < LATE_S / 2 * 1e9, phase
         assert seen_ns['glide'] - seen_ns['contact'] > LATE_S * 1e9
 
-    def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(self, shared, monkeypatch):
+    def test_glide_that_pauses_because_the_computer_pauses_fails_the_trial(
+        self, shared, monkeypatch
+    ):
         encode_pieces = protocol.encode_pieces
 
         def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
             for number, line in enumerate(encode_pieces(start_mm, end_mm, speed_mm_s, piece_s)):
                 if speed_mm_s == 15.0 and number == 30:
-                    time.sleep(1.0)  # the tested pause is longer than run_on_s
+                    time.sleep(1.0)  # longer than run_on_s
                 yield line
 
         monkeypatch.setattr(protocol, 'encode_pieces', encode_and_pause)
@@ -252,9 +258,7 @@ class TestSharedRig:
         assert nodes['linear_guide']._client.late_moves > late_moves
         watcher.wait_for_phase('aborted')
 
-    def test_a_taut_tendon_is_slackened_before_a_trial_and_keeps_the_guide_from_homing(
-        self, shared
-    ):
+    def test_taut_tendon_prevents_homing_and_is_slackened_before_a_trial(self, shared):
         rig, operator, watcher, _ = shared
         rig.mount('texture', 'R1', 'flexion')
         goal = MoveGuide.Goal(position_m=0.13, speed_m_s=0.1)
@@ -281,7 +285,9 @@ class TestSharedRig:
         assert dragged_m < 2e-4
         assert 'done after' in watcher.result_of(handle).message
 
-    def test_a_guide_that_moves_in_a_hold_ends_the_trial_and_the_tendon_is_slackened(self, shared):
+    def test_guide_that_moves_during_a_hold_aborts_the_trial_and_the_tendon_is_slackened(
+        self, shared
+    ):
         rig, _, watcher, _ = shared
         rig.mount('stiffness', 'none', 'flexion')
         handle = watcher.start_trial('stiffness', hold_s=100.0)
@@ -298,10 +304,10 @@ class TestSharedRig:
         assert truth['guide_position_m'] < 0.09
 
 
-def test_a_force_of_another_node_is_felt_and_the_end_of_the_nodes_brings_the_rig_to_rest(
+def test_force_of_another_node_is_classified_and_the_rig_stops_when_the_nodes_end(
     rig, context, trained
 ):
-    """More than ten seconds: one trial to its label, and another one up to its glide."""
+    """Takes more than 10 s: one complete trial, and another one up to its glide."""
     topic = '/hand/tendon_sensor/wrench:norm'
     models = ModelChoice.read(trained)
     with running_rig(rig, context, models, sensor_topic=topic) as (operator, watcher, _):
@@ -310,7 +316,8 @@ def test_a_force_of_another_node_is_felt_and_the_end_of_the_nodes_brings_the_rig
         trial = 'first'
         try:
             operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', trial))
-        except TactileError as error:  # a computer that gives this process no core for 0.2 s
+        except TactileError as error:
+            # On a busy computer, the process may have been suspended for 0.2 s.
             if 'of silence' not in str(error):
                 raise
             trial = operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'second'))
@@ -326,10 +333,10 @@ def test_a_force_of_another_node_is_felt_and_the_end_of_the_nodes_brings_the_rig
     assert truth['tension_n'] < 1.0
 
 
-def test_a_trial_needs_a_homing_however_slow_and_a_sensor(rig, context):
-    """A homing that takes longer than a trial waits for devices, as those of real guides do.
+def test_trial_requires_homing_and_a_sensor_also_if_homing_is_slow(rig, context):
+    """Homing of a real guide may take longer than a trial waits for its devices.
 
-    More than ten seconds: the slow homing, and a trial up to its hold.
+    Takes more than 10 s: slow homing, and a trial up to its hold.
     """
     timeout_s = 1.0
     home_at(rig, slow_mm_min=1000, fast_mm_min=1500)  # 100 mm at 25 mm/s

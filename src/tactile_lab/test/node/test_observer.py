@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The observer only stores the required messages of a trial."""
+"""The trial backend and its observer: stored messages, mounting, errors."""
 
 import os
 from types import SimpleNamespace
@@ -24,7 +24,7 @@ PLANNED = PlannedTrial('t', 's', 1, 1, 'flexion', 'R1')
 
 @pytest.fixture
 def bench(context):
-    """Return a bench whose rig runs what `bench.fail` raises."""
+    """Return a `LiveTrialBackend` whose trials call ``bench.fail``."""
     observer = ObserverNode(context)
     bench = LiveTrialBackend(
         SimpleNamespace(simulated_rig=None),
@@ -41,7 +41,7 @@ def bench(context):
     observer.destroy_node()
 
 
-def test_nothing_is_kept_while_a_person_thinks_about_a_failed_trial(bench):
+def test_no_data_are_kept_during_the_prompt_after_a_failed_trial(bench):
     observer, block = bench._rig.observer, StrainBlock(period_ns=10**7, tension_n=[1.0])
 
     def fail(request):
@@ -56,7 +56,7 @@ def test_nothing_is_kept_while_a_person_thinks_about_a_failed_trial(bench):
     assert not observer._blocks
 
 
-def test_a_trial_that_somebody_stopped_ends_the_loop(bench):
+def test_trial_stopped_by_a_person_ends_the_loop(bench):
     def stop(request):
         raise StoppedError('the trial: cancelled')
 
@@ -94,7 +94,7 @@ def test_tendon_of_a_simulated_rig_that_stays_taut_fails_the_trial(bench, monkey
         bench.run_trial(TrialOrder(PLANNED, 't', 'm', 1, 1))
 
 
-def test_a_simulated_rig_that_has_ended_is_not_asked_again(bench):
+def test_mounting_is_not_repeated_if_the_simulated_rig_has_ended(bench):
     def end(*_):
         calls.append(1)
         raise RigError('the simulated rig ended with code 1')
@@ -121,7 +121,7 @@ def test_error_on_a_simulated_rig_states_that_the_computer_is_busy(
     assert ('load 1000.0' in str(raised.value)) == (simulated_rig is not None)
 
 
-def test_a_trial_is_run_once_more_and_not_twice():
+def test_failed_trial_is_repeated_only_once():
     operator = Operator(Output(as_json=False))
     first, second = (TrialOrder(PLANNED, name, 'm', 1, 1) for name in ('t', 't-again1'))
     assert operator.choose(first, 'failed', 'no samples') == 'again'

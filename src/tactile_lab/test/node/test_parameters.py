@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A parameter is applied or refused: every node, through its services."""
+"""Parameters of every node are applied or refused, through its parameter services."""
 
 import dataclasses
 from importlib.metadata import entry_points
@@ -31,7 +31,7 @@ EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
 
 @pytest.fixture(scope='module')
 def descriptions(stiffness_bag, trained, tmp_path_factory):
-    """Give a description of every node, by its executable, with which it can be configured."""
+    """Return a valid description of every node; the keys are executables."""
     with SimulatedRig() as rig:
         ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
         recording = tmp_path_factory.mktemp('recordings') / 'bag'
@@ -44,7 +44,7 @@ def descriptions(stiffness_bag, trained, tmp_path_factory):
 
 
 class Peer:
-    """Sets and reads the parameters of a node as another process does."""
+    """Sets and reads the parameters of a node with its services, as another process does."""
 
     def __init__(self, node, name):
         self._set = node.create_client(SetParameters, f'/{name}/set_parameters')
@@ -58,7 +58,7 @@ class Peer:
         return future.result()
 
     def set(self, parameters):
-        """Return, by name, why each was refused; an empty text when it was set."""
+        """Set parameters; return for each name why it was refused, or an empty text."""
         request = SetParameters.Request(parameters=[p.to_parameter_msg() for p in parameters])
         results = self._call(self._set, request).results
         return {
@@ -72,7 +72,7 @@ class Peer:
 
 
 def changed(field, value):
-    """Return another value that the field allows."""
+    """Return another valid value of the field."""
     if field.metadata.get('choices'):
         return next(c for c in field.metadata['choices'] if c != value)
     if isinstance(value, bool):
@@ -88,7 +88,7 @@ def changed(field, value):
 
 
 def present(node, field):
-    """Return the parameter as it is; ROS leaves an empty list without a value."""
+    """Return the current parameter. In ROS, an empty list has no value."""
     if node.get_parameter_or(field.name).value is not None:
         return node.get_parameter(field.name)
     types = Parameter.Type
@@ -97,7 +97,7 @@ def present(node, field):
 
 
 @pytest.mark.parametrize('executable', EXECUTABLES)
-def test_a_parameter_changes_between_configurations_only(executable, descriptions):
+def test_parameters_change_only_while_the_node_is_unconfigured(executable, descriptions):
     assert executable in descriptions, f'describe {executable} above'
     description = descriptions[executable]
     with domain_id() as domain, ros_context(int(domain)) as context:
@@ -111,7 +111,7 @@ def test_a_parameter_changes_between_configurations_only(executable, description
         ]
         peer = Peer(other, description.name)
         with NodeGroup([other], context=context), NodeGroup([node], context=context):
-            assert not any(peer.set(others).values())  # unconfigured: each is taken
+            assert not any(peer.set(others).values())  # while unconfigured, each value is accepted
             assert not any(peer.set(own).values())
             before = peer.get(names)
             assert node.bring_up()

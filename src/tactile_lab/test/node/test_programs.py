@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The programs of nodes and the `tactile` command: how they begin and end."""
+"""Start and end of node executables and of the `tactile` command."""
 
 import ctypes
 import itertools
@@ -34,7 +34,7 @@ def start(*arguments):
 
 
 def wait_until_held(process):
-    """Wait until the process catches SIGTERM itself: long before its node is made."""
+    """Wait until the process handles SIGTERM, which is long before its node is created."""
 
     def is_held():
         assert process.poll() is None, process.stderr.read()
@@ -53,14 +53,14 @@ PROGRAMS = {
     'rig': (TACTILE, 'rig', '--simulated'),
     'hand': (TACTILE, 'hand', '--fingers', 'index', '--simulated'),
 }
-"""Nodes of one program each, of several, and commands that run nodes or a rig besides."""
+"""Executables of one node or several nodes, and commands that run nodes."""
 
 
 @pytest.mark.parametrize(
     ('name', 'number'),
     zip(PROGRAMS, itertools.cycle([signal.SIGINT, signal.SIGTERM, signal.SIGHUP]), strict=False),
 )
-def test_a_signal_before_the_nodes_are_made_ends_a_program_with_zero(name, number):
+def test_signal_before_nodes_are_created_ends_a_program_with_0(name, number):
     process = start(*PROGRAMS[name])
     wait_until_held(process)
     process.send_signal(number)
@@ -68,7 +68,7 @@ def test_a_signal_before_the_nodes_are_made_ends_a_program_with_zero(name, numbe
     assert (process.returncode, output, errors) == (0, '', '')
 
 
-def test_a_command_that_works_is_terminated_and_says_so_by_its_code(tmp_path):
+def test_working_command_is_terminated_with_its_exit_code(tmp_path):
     process = start(TACTILE, 'demo', '--short', '-o', str(tmp_path / 'demo'))
     assert process.stdout.readline()
     process.send_signal(signal.SIGTERM)
@@ -78,8 +78,9 @@ def test_a_command_that_works_is_terminated_and_says_so_by_its_code(tmp_path):
 
 
 def count_thread_heaps(pid):
-    """Return how many heaps glibc has made for threads: writable from a multiple of 64 MB on, with
-    the rest of the 64 MB reserved."""
+    """Return the number of heaps that glibc has created for threads.
+
+    Such a heap is a writable area at a multiple of 64 MB, followed by a reserved area."""
     rows = [row.split() for row in Path(f'/proc/{pid}/maps').read_text().splitlines()]
     ranges = [tuple(int(end, 16) for end in row[0].split('-')) for row in rows]
     return sum(
@@ -99,7 +100,7 @@ def count_thread_heaps(pid):
     [PROGRAMS['tactile_features_node'], (TACTILE, 'sense', '--simulated')],
     ids=['node', 'sense'],
 )
-def test_no_thread_of_a_program_has_a_heap_of_its_own(arguments):
+def test_all_threads_of_a_program_share_one_heap(arguments):
     process = start(*arguments)
     wait_until(lambda: len(os.listdir(f'/proc/{process.pid}/task')) > 8, timeout_s=DEADLINE_S)
     heaps = count_thread_heaps(process.pid)
@@ -118,7 +119,7 @@ def test_an_executable_without_a_node_is_refused():
     assert 'no installed package has a node' in done.stderr
 
 
-def test_what_colcon_writes_puts_the_command_on_the_path():
+def test_setup_script_of_colcon_puts_the_command_on_the_path():
     prefix = get_package_prefix('tactile_lab')
     hook = Path(prefix, 'share', 'tactile_lab', 'package.sh')
     if not hook.exists():

@@ -42,7 +42,7 @@ DEADLINE_S = 10.0
 
 
 class Source:
-    """A node that publishes samples and events, and what a recorder beside it writes."""
+    """A node that publishes samples and events, and runs a recorder."""
 
     def __init__(self, context, namespace=''):
         self.context = context
@@ -59,7 +59,7 @@ class Source:
 
     @contextmanager
     def recorded(self, description, namespace='', **options):
-        """Run the recorder of the published messages."""
+        """Run a recorder of the published messages until the block ends."""
         graph = running_graph([description], self.context, others=[self.node], **options)
         with graph as nodes:
             (recorder,) = nodes.values()
@@ -74,10 +74,10 @@ def describe_recorder(path):
     return recorder_node(path)
 
 
-def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
+def test_recording_contains_the_sent_bytes(context, tmp_path):
     source = Source(context, 'thumb')
     early = TrialEvent(trial_id='a', phase='approach')
-    source.events.publish(early)  # latched: sent before the recorder is there
+    source.events.publish(early)  # sent before the recorder exists; the topic is latched
     blocks = [
         serialize_message(
             StrainBlock(sequence=i, period_ns=16_666_667, tension_n=[0.1 * i, -1e-300])
@@ -100,11 +100,11 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
         assert [m.decode().trial_id for m in bag.messages(EVENT)] == ['a']
 
 
-def test_what_came_before_the_end_is_in_the_bag(context, tmp_path):
+def test_messages_received_before_the_end_are_recorded(context, tmp_path):
     source = Source(context)
     path = tmp_path / 'bag'
     recorder = create_node(describe_recorder(path), context)
-    recorder.poll_s = 1000.0  # as on a computer that is too busy to ask in time
+    recorder.poll_s = 1000.0  # as on a computer that is too busy to poll in time
     group = NodeGroup([recorder], context=context).__enter__()
     assert recorder.bring_up()
     wait_until(lambda: source.strain.get_subscription_count() == 1)
@@ -158,9 +158,7 @@ def test_each_trial_is_audited_when_it_has_ended(context, tmp_path):
         assert [m.decode().trial_id for m in bag.messages(AUDIT)] == ['t', '']
 
 
-def test_what_features_were_computed_is_recorded_once_however_often_it_is_active(
-    context, tmp_path
-):
+def test_specifications_are_recorded_once_for_repeated_activations(context, tmp_path):
     source = Source(context)
     source.specifications.publish(specifications(100.0))
     with source.recorded(describe_recorder(tmp_path / 'bag')) as recorder:
@@ -198,9 +196,7 @@ def test_messages_keep_their_order_when_the_clock_is_set_back(context, tmp_path,
     assert messages[-1].received_at_ns - messages[0].received_at_ns < 5e9
 
 
-def test_a_recording_says_which_topic_it_lacks_and_waits_for_none_of_a_rig_on_a_hand(
-    context, tmp_path
-):
+def test_recorder_names_missing_topics_and_requires_none_of_a_rig_on_a_hand(context, tmp_path):
     received = []
     listener = Node('listener', context=context)
     listener.create_subscription(DiagnosticArray, '/diagnostics', received.append, 10)
@@ -223,10 +219,10 @@ def messages_on_disk(path):
         with TactileBag(path) as bag:
             return [message.decode().sequence for message in bag.messages(STRAIN)]
     except BagError:
-        return []  # not there yet
+        return []  # the bag does not exist yet
 
 
-def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
+def test_bag_of_a_killed_recorder_can_be_opened(context, tmp_path):
     source = Source(context)
     path = tmp_path / 'bag'
     program = 'from tactile_bags.nodes.bag_recorder_node import main; main()'
@@ -237,7 +233,7 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
         try:
             wait_until(lambda: messages_on_disk(path), step=lambda: source.send([0]))
             source.send(range(1, 100))
-            # The file is read while it is written: this is what a crash would leave.
+            # The file is copied while it is being written, as it would be after a crash.
             wait_until(lambda: messages_on_disk(path)[-1:] == [99])
             source.send(range(100, 150))
         finally:
@@ -247,7 +243,8 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
     sequences = messages_on_disk(path)
     last = sequences[-1]
     assert last >= 99
-    assert sequences[-last:] == list(range(1, last + 1))  # 0 was sent until it was heard
+    # Message 0 was repeated until it was received.
+    assert sequences[-last:] == list(range(1, last + 1))
     with TactileBag(path) as bag:
         assert 'never closed' in bag.recovered
         told = {'simulated': True, 'operator': 'nobody', WRITTEN_IN: str(path)}
@@ -265,7 +262,7 @@ def full_disk(*_):
 
 
 @pytest.mark.parametrize('failing', ['write', 'sync'])
-def test_a_full_disk_ends_the_recording_and_nothing_else(context, tmp_path, monkeypatch, failing):
+def test_full_disk_ends_only_the_recording(context, tmp_path, monkeypatch, failing):
     source = Source(context)
     received, statuses, ends = [], [], []
     source.node.create_subscription(StrainBlock, 'tendon_sensor/strain', received.append, STREAM)
@@ -301,7 +298,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(context, tmp_path, monk
     assert messages_on_disk(tmp_path / 'bag')[0] == 0
 
 
-def test_a_disk_that_is_full_at_the_very_end_is_told(context, tmp_path, monkeypatch):
+def test_full_disk_at_the_end_is_reported(context, tmp_path, monkeypatch):
     recorder = create_node(describe_recorder(tmp_path / 'bag'), context)
     assert recorder.bring_up()
     monkeypatch.setattr(McapWriter, 'write_metadata', full_disk)
@@ -310,7 +307,7 @@ def test_a_disk_that_is_full_at_the_very_end_is_told(context, tmp_path, monkeypa
     assert 'as after killing' in recorder.failure
 
 
-def test_a_recording_that_fails_before_it_begins_is_refused_in_peace(
+def test_recording_that_fails_at_the_start_is_refused_without_a_traceback(
     context, tmp_path, monkeypatch
 ):
     add_channel = McapWriter.add_channel
@@ -324,7 +321,7 @@ def test_a_recording_that_fails_before_it_begins_is_refused_in_peace(
     recorder.take_down()
 
 
-def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, tmp_path):
+def test_recorder_process_exits_with_1_on_a_full_disk(context, tmp_path):
     source = Source(context)
     program = (
         'import sys\n'
@@ -354,7 +351,7 @@ def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, 
     assert 'Traceback' not in log
 
 
-def test_a_message_that_cannot_be_audited_is_recorded_all_the_same(context, tmp_path, monkeypatch):
+def test_message_that_cannot_be_audited_is_recorded(context, tmp_path, monkeypatch):
     def stumble(msg):
         if msg.sequence == 1:
             raise ValueError('not that')
@@ -371,7 +368,7 @@ def test_a_message_that_cannot_be_audited_is_recorded_all_the_same(context, tmp_
     assert audit.sample_count == 2
 
 
-def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):
+def test_latched_event_is_recorded_if_the_recorder_is_activated_later(context, tmp_path):
     source = Source(context)
     source.events.publish(TrialEvent(trial_id='early', phase='approach'))
     recorder = create_node(describe_recorder(tmp_path / 'bag'), context)
@@ -392,7 +389,7 @@ def recorded_events(path):
         return [(e.trial_id, e.phase) for e in (m.decode() for m in bag.messages(EVENT))]
 
 
-def test_a_recorder_that_is_activated_again_records_what_belongs_to_its_bag(context, tmp_path):
+def test_reactivated_recorder_omits_trials_of_the_previous_bag(context, tmp_path):
     source = Source(context)
     at_ns = iter(range(10**9, 10**11, 10**9))
 
@@ -421,7 +418,7 @@ def test_a_recorder_that_is_activated_again_records_what_belongs_to_its_bag(cont
         publish('b', 'hold')
         wait_until(lambda: recorder.message_count == 4)
         recorder.trigger_deactivate()
-        activate()  # all is known
+        activate()  # all messages are already recorded
         publish('b', 'release')
         wait_until(lambda: recorder.message_count == 5)
         recorder.trigger_deactivate()
@@ -440,8 +437,8 @@ def test_a_recorder_that_is_activated_again_records_what_belongs_to_its_bag(cont
     assert not {'old', 'between'} & set(audited)
 
 
-def test_an_earlier_message_that_arrives_later_stays_before_the_next_of_its_topic(context):
-    """Like messages of a latched topic that arrive after a newly published message."""
+def test_late_message_stays_in_order_of_its_topic(context):
+    """Messages of a latched topic may arrive after a newer message."""
     recorder = create_node(describe_recorder(Path('unused')), context)
     arrivals = [
         ('events', 3.0),

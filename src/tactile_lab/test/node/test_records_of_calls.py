@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A block of the driver reaches features as the same record, in memory or in a message."""
+"""A strain block reaches the features as the same record, in memory or in a message."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ BLOCKS = st.builds(
 
 
 def convert(convert_one, given_one):
-    """Return the fields, arrays as bytes, or the reason why there are none."""
+    """Return the fields with arrays as bytes; if the conversion fails, return the reason."""
     try:
         record = convert_one(given_one)
     except MessageError as error:
@@ -48,18 +48,18 @@ def convert(convert_one, given_one):
 
 @settings(deadline=None, max_examples=300)
 @given(BLOCKS)
-def test_a_block_is_the_same_record_either_way(block):
+def test_block_is_the_same_record_in_memory_and_in_a_message(block):
     try:
         message = to_strain_msg(block, 'sensor')
-    except AssertionError:  # rclpy refuses a stamp that does not fit
+    except AssertionError:  # rclpy refuses a stamp that is out of range
         assert block.stamp_ns >= 2**31 * 10**9
         return
     assert convert(check_record, block) == convert(strain_block_from_msg, message)
 
 
-def test_nobody_can_change_what_others_see_too():
+def test_shared_records_cannot_be_changed():
     block = StrainBlock(0, 0, 1, np.ones(3))
     record = check_record(block)
     with pytest.raises(ValueError, match='read-only'):
         record.tension_n[0] = 2.0
-    block.tension_n[0] = 2.0  # the driver's own view stays as it was
+    block.tension_n[0] = 2.0  # the driver may still change its own array

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every node outlives messages that it must refuse; a replay passes over the same messages."""
+"""Every node continues after messages that it must refuse, and a replay omits these messages."""
 
 import dataclasses
 
@@ -31,7 +31,7 @@ from tactile_ros.topics import STRAIN
 from tactile_testing.waiting import wait_until
 
 
-def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_path):
+def test_nodes_refuse_invalid_messages_and_continue(context, trained, tmp_path):
     graph = [
         node
         for node in sensing_graph('', ModelChoice.read(trained), {})
@@ -51,14 +51,14 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
                     reasons[status.name] = pair.value
 
     peer.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
-    # Nodes on topics, as in processes of their own.
+    # The nodes communicate over topics, as in separate processes.
     nodes = {d.name: create_node(d, context) for d in graph}
     assert all(node.bring_up() for node in nodes.values())
     with NodeGroup([peer, *nodes.values()], context=context):
         listeners = ('tactile_features', 'bag_recorder')
         wait_until(lambda: strain.get_subscription_count() == events.get_subscription_count() == 2)
         wait_until(lambda: features.get_subscription_count() == 2)
-        # Both ends must know each other; the feature node publishes features, too.
+        # Publishers and subscribers must have found each other.
         wanted = {'/tendon_sensor/strain': 1, '/trial_runner/events': 1}
         wanted['/tactile_features/features'] = 2
         readers = [s for node in nodes.values() for s in (*node._polled, *node.subscriptions)]
@@ -76,18 +76,18 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
         wait_until(lambda: reasons.keys() == {*listeners, CLASSIFIER_NODE})
         assert 'outcome is 9' in reasons[CLASSIFIER_NODE]
         assert 'cannot be audited' in reasons['bag_recorder']
-        # Everything works on.
+        # All nodes continue to work.
         strain.publish(StrainBlock(period_ns=1, tension_n=[1.0]))
         (model,) = nodes[CLASSIFIER_NODE].models.models
         window = {'feature_set': model.spec.feature_set, 'specification_digest': model.spec.digest}
         features.publish(TactileFeatures(outcome=1, **window))
         wait_until(lambda: nodes['tactile_features'].extractor.block_count == 1)
         wait_until(lambda: nodes[CLASSIFIER_NODE].models.counts['answers'] == 1)
-        # One a message on each recorded topic: four blocks, one event, two feature windows.
+        # The recorder has recorded four blocks, one event and two feature windows.
         wait_until(lambda: nodes['bag_recorder'].message_count >= 7)
 
 
-def test_the_operator_waits_on_after_an_unknown_answer(context):
+def test_operator_continues_to_wait_after_an_invalid_message(context):
     operator, peer = OperatorNode(context, answers=True), Node('peer', context=context)
     answers = peer.create_publisher(Classification, f'{CLASSIFIER_NODE}/classification', RESULTS)
     with NodeGroup([operator], context=context) as group, NodeGroup([peer], context=context):
@@ -102,7 +102,7 @@ def test_the_operator_waits_on_after_an_unknown_answer(context):
         assert not group.ended.is_set()
 
 
-def test_a_replay_passes_over_what_the_nodes_refuse(stiffness_bag, rewrite, context, tmp_path):
+def test_replay_omits_messages_that_the_nodes_refuse(stiffness_bag, rewrite, context, tmp_path):
     count = 0
 
     def spoil(type_name, message):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The same recorded bytes in every way of running: every message is the same, bit for bit."""
+"""All ways of running the nodes publish the same messages for a recording, bit for bit."""
 
 from collections import Counter
 from contextlib import contextmanager, ExitStack
@@ -48,10 +48,10 @@ from tactile_testing.waiting import wait_until
 START_S = 60.0
 WORK_S = 60.0
 BLOCKS, EVENTS_AT_ONCE = 30, 12
-"""Messages sent before the nodes have taken them."""
+"""Number of messages that may be sent before the nodes have processed them."""
 
 BLOCKS_WITH_DETECTION = 10
-"""A simulated block holds many samples: so many blocks hold fewer detected events than a queue."""
+"""Number of blocks to send at a time. They contain fewer detected events than the QoS depth."""
 
 OUTPUTS = {
     'tactile_features/features': TactileFeatures,
@@ -100,14 +100,14 @@ def texture(simulate_bag, tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def stiffness(stiffness_bag, trained):
-    """Return a case in which the phases are found in the tension."""
+    """Return a case in which the phases are detected in the tension."""
     with TactileBag(stiffness_bag) as recording:
         config = recorded_features(recording).config
     return Case(stiffness_bag, trained, dataclasses.replace(config, phases='stiffness'))
 
 
 def outputs_of_core(case):
-    """Return the outputs of the plain core for the recording, by topic."""
+    """Return the results of the plain core for the recording; the keys are topics."""
     found = {topic: [] for topic in OUTPUTS}
     plan = plan_features(case.config, case.models)
     with TactileBag(case.bag) as bag:
@@ -125,7 +125,7 @@ def outputs_of_core(case):
 
 
 class Player:
-    """Sends a recording, and keeps everything that nodes make of it."""
+    """Sends a recording, and stores all messages that the nodes publish."""
 
     def __init__(self, context):
         self.node = Node('bag_player', context=context)
@@ -133,7 +133,7 @@ class Player:
         self.executor.add_node(self.node)
         self.found = {topic: [] for topic in OUTPUTS}
         self.values = {}
-        self.reports = Counter()  # by node
+        self.reports = Counter()  # number of diagnostics of each node
         for topic, kind in OUTPUTS.items():
             latched = EVENTS if kind is TrialEvent else RESULTS
             read, outputs = READERS[kind], self.found[topic]
@@ -174,7 +174,7 @@ class Player:
         )
 
     def send(self, case, take_block, has_taken, expected):
-        """Send all messages; wait until the nodes have taken them and as much came as is due."""
+        """Send all messages; wait until they are processed and all results have arrived."""
         sent, waiting = {STRAIN: 0, EVENT: 0}, {STRAIN: 0, EVENT: 0}
         most = BLOCKS if case.config.phases == PHASES_STATED else BLOCKS_WITH_DETECTION
 
@@ -211,7 +211,7 @@ EXECUTABLES = {
 
 @contextmanager
 def nodes_of_one_process(case, context, *, has_sensor):
-    """Give nodes that call each other; with a sensor, it calls them, too."""
+    """Run nodes that pass records in memory, with or without a sensor node before them."""
     nodes = {
         name: create_node(NodeDescription(name, case.parameters()[name]), context)
         for name in EXECUTABLES
@@ -238,7 +238,7 @@ def run_in_one_process(case, context, expected, *, has_sensor):
     with nodes_of_one_process(case, context, has_sensor=has_sensor) as (features, detected):
         player.wait(lambda: player.is_matched(expected, 0 if has_sensor else 1))
         readers = [features.stage._events, *([] if has_sensor else features._polled)]
-        # Both ends must know each other.
+        # Publishers and subscribers must have found each other.
         player.wait(lambda: all(reader.get_publisher_count() for reader in readers))
 
         def call(message):
@@ -249,7 +249,7 @@ def run_in_one_process(case, context, expected, *, has_sensor):
             taken = extractor.block_count, extractor.event_count
             return (
                 taken == (blocks, events)
-                # A topic only keeps the last 16 messages.
+                # The QoS depth is 16.
                 and len(player.found['tactile_features/detected_events']) == len(detected)
             )
 
@@ -288,7 +288,7 @@ def run_in_processes(case, context, expected, folder):
     with ExitStack() as stack:
         stack.enter_context(node_programs(case, context, folder))
         player.wait(lambda: player.is_matched(expected, 1), START_S)
-        # The programs know their end of each match a moment later.
+        # The processes discover the player a moment later than it discovers them.
         player.reports.clear()
         player.wait(lambda: all(player.reports[name] >= 2 for name in EXECUTABLES), START_S)
 
@@ -304,8 +304,8 @@ def run_in_processes(case, context, expected, folder):
 
 
 @pytest.mark.parametrize('name', ['texture', 'stiffness'])
-def test_every_way_of_running_gives_the_same_messages(request, name, context, tmp_path):
-    """More than ten seconds: the trials arrive through each way of running the nodes."""
+def test_messages_do_not_depend_on_how_the_nodes_run(request, name, context, tmp_path):
+    """Takes more than 10 s, because the trials are sent for each way of running the nodes."""
     case = request.getfixturevalue(name)
     expected = outputs_of_core(case)
     counts = Counter({topic: len(outputs) for topic, outputs in expected.items()})
@@ -319,7 +319,8 @@ def test_every_way_of_running_gives_the_same_messages(request, name, context, tm
         'calls': run_in_one_process(case, context, expected, has_sensor=True),
         'a process a finger': run_in_one_process(case, context, expected, has_sensor=False),
     }
-    if name == 'texture':  # programs need seconds to start, and publish states once per second
+    # Slow: processes need seconds to start, and publish diagnostics once per second.
+    if name == 'texture':
         ways['a process a node'] = run_in_processes(case, context, expected, tmp_path)
     for way, found in ways.items():
         for topic, outputs in expected.items():

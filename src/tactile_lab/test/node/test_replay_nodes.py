@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording through real nodes gives the answers of the core and of the recording."""
+"""A replay through nodes has the results of the plain core and of the recording."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ def of_any_contact(table):
 
 
 def replayed(source, path, results, infos=(), *, models=None, through_nodes=False):
-    """Return the replay of a copy of a bag with what nodes made of it, as a recorder writes it."""
+    """Write a copy of a bag with results of nodes, and return the replay of the copy."""
     with TactileBag(source) as bag, BagWriter(path, bag.metadata) as writer:
         for topic in bag.stored_topics:
             writer.add_stored_topic(topic)
@@ -57,7 +57,9 @@ def replayed(source, path, results, infos=(), *, models=None, through_nodes=Fals
     return report
 
 
-def test_the_model_and_not_the_parameters_decides_on_the_windows(stiffness_bag, trained, context):
+def test_windows_are_determined_by_the_model_not_by_the_parameters(
+    stiffness_bag, trained, context
+):
     with TactileBag(stiffness_bag) as bag:
         features = recorded_features(bag)
         core = replay_through_core(bag, ModelSet.load(trained), features)
@@ -68,8 +70,8 @@ def test_the_model_and_not_the_parameters_decides_on_the_windows(stiffness_bag, 
     assert comparison.window_count == comparison.classification_count == 15
 
 
-def test_a_replay_answers_windows_of_the_contact_that_the_node_answered(stiffness_bag, tmp_path):
-    """A model of any contact, in a node that takes one of them."""
+def test_replay_classifies_only_windows_of_the_contact_of_the_node(stiffness_bag, tmp_path):
+    """The model is for any contact, but the node classifies only one contact."""
     model = tmp_path / 'any.npz'
     train_model(stiffness_bag, model, change=of_any_contact)
     with TactileBag(stiffness_bag) as bag:
@@ -82,7 +84,7 @@ def test_a_replay_answers_windows_of_the_contact_that_the_node_answered(stiffnes
 
 
 def test_raw_scores_are_the_same_live_and_replayed(stiffness_bag, tmp_path, context):
-    """A model of too few trials to calibrate: margins in nodes, core and replay, bit for bit."""
+    """With too few trials for calibration, the model gives margins instead of probabilities."""
     path = tmp_path / 'raw.npz'
     model = train_model(stiffness_bag, path, 'svm_linear', false_alarm_rate=0.01)
     assert 'reason' in model.manifest.calibration

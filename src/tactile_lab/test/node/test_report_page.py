@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report in a real Chromium: on a phone, and on paper."""
+"""The report in Chromium: on a phone, and printed."""
 
 from chromium import Chromium, find_chromium
 import numpy as np
@@ -45,19 +45,19 @@ def browser(tmp_path_factory):
 
 
 def heights(browser, selector):
-    """Return the heights of some elements [px]."""
+    """Return the heights of the elements with a CSS selector [px]."""
     return browser.evaluate(
         f'[...document.querySelectorAll({selector!r})].map(e => e.getBoundingClientRect().height)'
     )
 
 
 @pytest.mark.parametrize('width', [390, 1280])
-def test_nothing_is_cut_and_nothing_scrolls_sideways(browser, width):
+def test_page_is_not_truncated_and_does_not_scroll_sideways(browser, width):
     browser.resize(width, 844)
     browser.evaluate('document.querySelectorAll("details").forEach(e => { e.open = true; })')
     try:
         assert browser.evaluate('document.documentElement.scrollWidth') == width
-        # Neither a figure, a table, nor a cell reaches over the edge of the page or of its row.
+        # No figure, table or cell is wider than the page or its row.
         beyond = browser.evaluate(
             '[...document.querySelectorAll("svg, table, th, td, caption, p, li")]'
             '.filter(e => e.checkVisibility())'
@@ -86,7 +86,7 @@ def test_a_phone_shows_wide_tables_with_one_cell_per_line_and_its_column(browser
         browser.resize(1280, 900)
 
 
-def test_paper_shows_accuracy_tables_provenance_and_opened_sections(browser):
+def test_printed_page_has_accuracy_tables_versions_and_open_sections(browser):
     browser.call('Emulation.setEmulatedMedia', media='print')
     try:
         captions = browser.evaluate(

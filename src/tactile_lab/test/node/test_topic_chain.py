@@ -33,7 +33,7 @@ SECOND_NS = 1_000_000_000
 
 
 class Hand(Node):
-    """Plays one trial of a recording as a hand would: wrenches of its sensor, and events."""
+    """Publishes one recorded trial as a hand does: wrenches of its sensor, and trial events."""
 
     def __init__(self, context, samples, events):
         super().__init__('broadcaster', context=context)
@@ -55,7 +55,7 @@ class Hand(Node):
         self.create_timer(0.001, self.send_due)
 
     def rest(self):
-        """Send the first force again and again, as a hand that touches nothing does."""
+        """Publish the first force repeatedly, as a hand does that touches nothing."""
         _, _, value = self.waiting[0]
         return self.create_timer(
             1 / 60, lambda: self.send_force(self.get_clock().now().to_msg(), value)
@@ -69,7 +69,8 @@ class Hand(Node):
     def send_force(self, stamp, value):
         message = WrenchStamped()
         message.header.stamp = stamp
-        message.wrench.force.x = -value / 2  # another axis, sign and unit
+        # The axis, sign and unit of this sensor differ from ours.
+        message.wrench.force.x = -value / 2
         self.force.publish(message)
 
     def send_event(self, stamp, event):
@@ -78,7 +79,7 @@ class Hand(Node):
 
 
 def read_trial(path):
-    """Return samples and events of a bag's first trial from its contact on, with times [ns]."""
+    """Return samples and events of the first trial of a bag, from the touch phase on."""
     samples, events = [], []
     with TactileBag(path) as bag:
         for message, record in read_records(bag.messages()):
@@ -103,7 +104,7 @@ def _domain(context, monkeypatch):
 
 @contextmanager
 def sensing(context, node, *options):
-    """Run `tactile sense`, and a node; give what spins it until a condition holds."""
+    """Run `tactile sense` and a node; provide a function that spins until a condition is true."""
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     with program('sense', *options) as process:
@@ -126,10 +127,10 @@ def sensing(context, node, *options):
     assert process.returncode == 0, errors
 
 
-def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
+def test_wrenches_of_another_node_are_classified_and_replay_equal(
     context, stiffness_bag, trained, tmp_path
 ):
-    """About ten seconds: a trial arrives in real time, and is replayed through the nodes."""
+    """Takes about 10 s: a trial in real time, and its replay through nodes."""
     hand = Hand(context, *read_trial(stiffness_bag))
     (label,) = {what.object_label for _, send, what in hand.waiting if send == hand.send_event}
     params, bag = tmp_path / 'params.yaml', tmp_path / 'bag'
@@ -140,7 +141,8 @@ def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
         spin_until(lambda: hand.events.get_subscription_count() >= 2)  # features, recorder
         spin_until(lambda: hand.count_publishers(ANSWERS))
         resting = hand.rest()
-        spin_until(lambda: hand.strain)  # the rate of the topic is measured first
+        # Samples are published once the rate of the topic has been measured.
+        spin_until(lambda: hand.strain)
         resting.cancel()
         hand.start()
         spin_until(lambda: hand.answers)
@@ -152,8 +154,8 @@ def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
     assert report.is_equal, report.to_dict()
 
 
-def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
-    """The program of docs/on_your_hand.md does not state that it is simulated; the samples do."""
+def test_results_of_a_simulated_finger_are_marked_as_simulated(context, tmp_path):
+    """Only the samples are marked; the program in docs/on_your_hand.md does not mark events."""
     bag = tmp_path / 'bag'
     hand = Node('hand', context=context)
     events = hand.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
@@ -190,8 +192,8 @@ def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
     assert [trial['simulated'] for trial in contents.trials] == [True]
 
 
-def test_events_from_the_shell_cut_a_window(context):
-    """`tactile event` is a node of its own for each event, as in a shell."""
+def test_events_from_the_shell_yield_a_window(context):
+    """Each `tactile event` runs a separate node, as in a shell."""
     features = TactileFeaturesNode(context=context, namespace='index')
     hand = Node('hand', context=context, namespace='index')
     strain = hand.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
@@ -201,7 +203,7 @@ def test_events_from_the_shell_cut_a_window(context):
     trial = ('--trial', 'grasp-1', '--contact', 'flexion', '--object', 'sponge')
     with NodeGroup([features, hand], context):
         assert features.bring_up()
-        # Without the namespace, nothing would receive the event.
+        # Without the namespace, no node receives the event.
         refused = hear_tactile('event', 'hold', *trial, '--wait-s', 2, code=2)
         assert '--namespace /index' in refused
         begun = ask_tactile('event', 'hold', *trial, '--namespace', 'index')
@@ -228,7 +230,7 @@ def test_events_from_the_shell_cut_a_window(context):
     assert 0 <= held_ns < 2 * SECOND_NS
 
 
-def test_an_event_states_a_known_phase():
+def test_event_with_an_unknown_phase_is_refused():
     from tactile_lab.commands.event import PHASES
 
     known = {getattr(TrialEvent, n) for n in dir(TrialEvent) if n.startswith('PHASE_')}

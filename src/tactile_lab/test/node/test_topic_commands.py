@@ -26,7 +26,7 @@ MEASURED = {'sensor': 'topic', 'rate_hz': 0.0}
 
 
 class Hand(Node):
-    """Publishes a wrench, or the efforts of two joints, 100 times a second."""
+    """Publishes a wrench, or the efforts of two joints, at 100 Hz."""
 
     def __init__(self, context, topic, kind, offset_ns=0):
         super().__init__('their_hand', context=context)
@@ -63,7 +63,7 @@ def describe(problems):
     return ' '.join(problem['what'] + problem['remedy'] for problem in problems)
 
 
-def test_what_is_wrong_with_a_topic_is_told_with_its_remedy(context):
+def test_faults_of_a_topic_are_reported_with_a_remedy(context):
     nodes = (
         ('/wrench', WrenchStamped),
         ('/late', WrenchStamped, -(5 * 10**9)),
@@ -93,7 +93,7 @@ def test_what_is_wrong_with_a_topic_is_told_with_its_remedy(context):
         assert said in describe(found[name]['problems'])
 
 
-def test_a_topic_that_nobody_publishes_is_told():
+def test_topic_without_a_publisher_is_reported():
     code, document = answer_of('check', '--seconds', 1, '--sensor-topic', '/nothing')
     assert code == 1
     assert '/nothing has no publisher' in describe(document['devices'][0]['problems'])

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The buttons of the live page against services that answer late."""
+"""The buttons of the live page, also with services that respond late."""
 
 import asyncio
 import threading
@@ -24,7 +24,7 @@ from tactile_testing.waiting import wait_until
 STOP = '/late/linear_guide/stop'
 
 
-def test_stop_reaches_the_rig_after_an_answer_that_came_too_late(context, monkeypatch):
+def test_stop_is_repeated_after_a_late_response(context, monkeypatch):
     monkeypatch.setattr(controls, 'ANSWER_TIMEOUT_S', 0.2)
     calls, may_answer = [], threading.Event()
 
@@ -43,7 +43,7 @@ def test_stop_reaches_the_rig_after_an_answer_that_came_too_late(context, monkey
         wait_until(lambda: STOP in watch.stop_clients())
         client = watch.stop_clients()[STOP]
         buttons = WatchControls(watch, context)
-        with pytest.raises(TactileError, match='no confirmation from late/linear_guide;'):
+        with pytest.raises(TactileError, match='not confirmed by late/linear_guide;'):
             asyncio.run(buttons.stop())
         may_answer.set()
         wait_until(lambda: not client._pending_requests, 'the late answer never came')
@@ -55,7 +55,7 @@ def test_stop_reaches_the_rig_after_an_answer_that_came_too_late(context, monkey
 
 @pytest.fixture
 def buttons(context):
-    """Return the buttons of a page with another ROS context than the rig."""
+    """Return the controls of a page in another ROS context than the rig."""
     other = Context()
     rclpy.init(context=other, domain_id=context.get_domain_id())
     watch = WatchNode(WatchState(), other)
@@ -77,7 +77,7 @@ def offer_stop(node, path, calls, *, success=True, message=''):
     node.create_service(Trigger, path, stop)
 
 
-def test_stop_reaches_drivers_from_which_no_sample_has_come(context, buttons):
+def test_stop_reaches_drivers_without_samples(context, buttons):
     calls, driver = [], Node('driver', context=context)
     paths = ['/linear_guide/stop', '/left/thumb/tendon_actuator/stop']
     for path in paths:
@@ -92,15 +92,13 @@ def test_stop_reaches_drivers_from_which_no_sample_has_come(context, buttons):
     assert sorted(calls) == sorted(paths)
 
 
-def test_stop_names_the_driver_that_could_not_do_it(context, buttons):
+def test_stop_names_the_driver_that_has_failed_to_stop(context, buttons):
     calls, driver = [], Node('driver', context=context)
     offer_stop(driver, '/linear_guide/stop', calls)
     offer_stop(driver, '/tendon_actuator/stop', calls, success=False)
     with NodeGroup([driver], context):
         wait_for_stops(buttons, '/linear_guide/stop', '/tendon_actuator/stop')
-        with pytest.raises(
-            TactileError, match='no confirmation from tendon_actuator; bring the rig'
-        ):
+        with pytest.raises(TactileError, match='not confirmed by tendon_actuator; bring the rig'):
             asyncio.run(buttons.stop())
 
 
@@ -111,27 +109,28 @@ def test_stop_ends_a_session_of_another_process_between_two_trials(context, butt
         assert asyncio.run(buttons.stop()) == 'stop: confirmed by operator'
         with pytest.raises(StoppedError):
             operator.home_guide()
-    # A session that has ended needs no stop.
-    with pytest.raises(TactileError, match='no node that can stop is known'):
+    # A session that has ended need not be stopped.
+    with pytest.raises(TactileError, match='no node was found'):
         asyncio.run(buttons.stop())
 
 
-def test_a_driver_that_is_gone_is_missed_by_those_who_knew_it(context, buttons, monkeypatch):
+def test_stop_fails_if_a_known_driver_has_ended(context, buttons, monkeypatch):
     monkeypatch.setattr(controls, 'ANSWER_TIMEOUT_S', 0.5)
     driver = Node('driver', context=context)
     offer_stop(driver, '/linear_guide/stop', [])
     with NodeGroup([driver], context):
         wait_for_stops(buttons, '/linear_guide/stop')
-    with pytest.raises(TactileError, match='no confirmation from linear_guide; bring'):
+    with pytest.raises(TactileError, match='not confirmed by linear_guide; bring'):
         asyncio.run(buttons.stop())
-    late = WatchNode(WatchState(), context)  # it hears of the name from the other page's client
+    # It finds the name of the service, because the other page has a client.
+    late = WatchNode(WatchState(), context)
     with NodeGroup([late], context):
         wait_until(late.stop_clients)
-        with pytest.raises(TactileError, match='no node that can stop is known'):
+        with pytest.raises(TactileError, match='no node was found'):
             asyncio.run(WatchControls(late, context).stop())
 
 
-def test_release_and_reset_reach_all_fingers_and_say_what_was_refused(context, buttons):
+def test_release_and_reset_reach_all_fingers_and_report_refusals(context, buttons):
     calls, driver = [], Node('driver', context=context)
     paths = ['/linear_guide/reset', '/left/tendon_actuator/reset', '/left/tendon_actuator/release']
     for path in paths:
@@ -150,6 +149,6 @@ def test_release_and_reset_reach_all_fingers_and_say_what_was_refused(context, b
             asyncio.run(buttons.reset())
 
 
-def test_nothing_to_release_is_said(buttons):
-    with pytest.raises(TactileError, match='release: no node with this service is known'):
+def test_release_fails_if_there_is_no_tendon_actuator(buttons):
+    with pytest.raises(TactileError, match='release: no node'):
         asyncio.run(buttons.release())

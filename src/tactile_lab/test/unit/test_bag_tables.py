@@ -19,7 +19,7 @@ def compute(bags):
 
 @pytest.fixture
 def rewritten(rewrite, stiffness_bag, tmp_path):
-    """Return what reads the tables of the bag after a change of its events."""
+    """Return a function that changes the events of a bag and reads its feature tables."""
 
     def read(change):
         def change_event(type_name, message):
@@ -52,11 +52,11 @@ def test_table_has_one_row_a_trial_with_its_label_and_place(usual, stiffness_bag
     assert (np.diff(np.sort(table.column('window_start_ns'))) > 4e9).all()
 
 
-def test_trials_with_lost_samples_or_without_a_label_are_left_out_and_told(
+def test_trials_with_missing_samples_or_without_a_label_are_excluded_and_reported(
     rewrite, stiffness_bag, tmp_path
 ):
     def lose(type_name, message):
-        # Inside the hold of the first trial: it lasts from about 1 s to 5 s.
+        # This block is in the hold of the first trial, which lasts from about 1 s to 5 s.
         if type_name == STRAIN and message.sequence == 2 * SAMPLES_PER_BLOCK:
             return None
         if type_name == EVENT and message.object_label == 'sponge':
@@ -99,7 +99,7 @@ def test_bag_without_labelled_trials_is_refused_with_the_reason(rewritten):
         rewritten(forget_label)
 
 
-def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
+def test_bags_with_different_feature_parameters_are_not_mixed(stiffness_bag, tmp_path):
     with TactileBag(stiffness_bag) as bag:
         facts = {**bag.metadata, 'feature_config': {'stiffness_settle_s': 1.0}}
         with BagWriter(tmp_path / 'other', facts) as writer:
@@ -111,7 +111,7 @@ def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
         read_tables([stiffness_bag, tmp_path / 'other'])
 
 
-def test_blocks_are_runs_of_each_labels_trials_in_time():
+def test_trial_blocks_divide_the_trials_of_each_label_in_order_of_time():
     labels = np.array(['a', 'b'] * 12)
     sessions = np.repeat(['s', 't'], 12)
     starts_ns = np.arange(24)[::-1]  # the table need not be ordered by time
@@ -121,8 +121,8 @@ def test_blocks_are_runs_of_each_labels_trials_in_time():
     assert number_blocks(starts_ns[:8], sessions[:8], labels[:8]).max() == 4
 
 
-def test_detected_trials_are_those_of_the_replay_whatever_was_recorded(stiffness_bag, tmp_path):
-    """The recorder may have missed events, or joined later than the feature node."""
+def test_detected_trials_are_detected_again_instead_of_read(stiffness_bag, tmp_path):
+    """The recorded events may be incomplete, if the recorder started after the feature node."""
     config = {'phases': 'stiffness', 'detected_object_label': 'pla', 'detected_session_id': 's1'}
     path = tmp_path / 'detected'
     with TactileBag(stiffness_bag) as bag:

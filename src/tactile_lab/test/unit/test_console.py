@@ -30,13 +30,13 @@ def draw(table, width):
 
 
 def parts_of(cell):
-    """Return what must not be broken."""
+    """Return the parts of a cell, which must not be broken."""
     if isinstance(cell, Prose):
         return cell.split()
     return [cell] if isinstance(cell, str) else [f'{value},' for value in cell]
 
 
-def test_a_pipe_gets_columns_without_borders(capsys):
+def test_in_a_pipe_columns_have_no_borders(capsys):
     table = Table('name', 'count', 'why', title='two', right_from=1)
     table.add_row('名 with [red]', '7', Prose('a\nsentence'), style='red')
     table.add_row(['a', 'b\x1b[2J'], '12', '')
@@ -49,7 +49,7 @@ def test_a_pipe_gets_columns_without_borders(capsys):
     ]
 
 
-def test_a_terminal_folds_sentences_and_lists_and_no_value():
+def test_terminal_folds_sentences_and_lists_but_not_values():
     table = Table()
     table.add_row('/a path/of-some/length', Prose('a sentence with a long-hyphenated-word in it'))
     table.add_row(['/one/path', '/another path'], Prose(''))
@@ -63,7 +63,7 @@ def test_a_terminal_folds_sentences_and_lists_and_no_value():
     ]
 
 
-def test_a_narrow_terminal_lacks_spare_columns_and_a_pipe_has_all(capsys):
+def test_narrow_terminal_hides_spare_columns_and_a_pipe_shows_all(capsys):
     table = Table('trial', 'session', 'seconds', 'trial_id', spare=['session', 'seconds'])
     table.add_row('1', 'monday-afternoon', '3.00', '20261128T120000-0001')
     shown = {width: draw(table, width)[1] for width in (80, 55, 40, 10)}
@@ -80,7 +80,7 @@ def test_a_narrow_terminal_lacks_spare_columns_and_a_pipe_has_all(capsys):
 
 
 @given(ROWS, st.integers(10, 120))
-def test_a_table_is_no_wider_than_the_terminal_unless_a_value_is(rows, width):
+def test_table_is_not_wider_than_the_terminal_unless_a_value_is_longer(rows, width):
     table = Table('a', 'b', 'c')
     for row in rows:
         table.add_row(*row)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of the demo, and its explanations of those that it missed."""
+"""Trials of the demo, and its explanations of wrong predictions."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from tactile_lab.experiment.live_rig import LiveTrial
 
 @pytest.fixture(scope='module')
 def trained(tmp_path_factory):
-    """Sponge is apart; PLA and rubber are alike, and each session moves both."""
+    """Return a model. PLA and rubber are similar and vary between sessions; sponge differs."""
     rng = np.random.default_rng(0)
     labels = np.tile(['pla', 'rubber', 'sponge'], 40)
     sessions = np.repeat(['a', 'b', 'c', 'd'], 30)
@@ -43,11 +43,11 @@ def live(trained, label, values):
     return LiveTrial(TrialRequest('stiffness', 'flexion', label), (answer,))
 
 
-def test_a_right_answer_needs_no_explanation(trained):
+def test_correct_prediction_has_no_explanation(trained):
     assert explain_misses([live(trained, 'sponge', [9.0, 9.0, 9.0])], [trained]) == []
 
 
-def test_a_wrong_answer_is_explained_by_sessions_held_out(trained):
+def test_wrong_prediction_is_explained_by_held_out_sessions(trained):
     (row,) = np.flatnonzero(trained.table.labels == 'rubber')[:1]
     trial = live(trained, 'pla', trained.table.values[row])
     said = trial.answer.label
@@ -55,18 +55,18 @@ def test_a_wrong_answer_is_explained_by_sessions_held_out(trained):
         trial = live(trained, 'rubber', trained.table.values[row])
     (sentence,) = explain_misses([trial], [trained])
     wanted = trial.request.object_label
-    assert sentence.startswith(f'stiffness, flexion, {wanted}, classified as {said}: with ')
+    assert sentence.startswith(f'stiffness, flexion, {wanted}, classified as {said}: ')
     share, whole = (int(word) for word in sentence.split() if word.isdigit())
     assert whole == 40
-    assert 5 <= share <= 35  # the two only differ at random
+    assert 5 <= share <= 35  # PLA and rubber differ only at random
 
 
-def test_an_unknown_answer_says_its_reason(trained):
+def test_unknown_prediction_has_its_reason(trained):
     (sentence,) = explain_misses([live(trained, 'pla', [99.0, 99.0, 99.0])], [trained])
     assert 'unlike all training trials' in sentence
 
 
-def test_the_trials_are_spread_over_the_kinds_and_have_names_of_their_own():
+def test_trials_of_the_demo_have_all_kinds_and_unique_names():
     drawn = choose_trials(3, 10)
     kinds = [(trial.contact, trial.protocol) for trial in drawn]
     assert [kinds.count(kind) for kind in KINDS] == [3, 3, 2, 2]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of simulated trials whose phases are found in the tension, not read from the events."""
+"""Phases of simulated trials are detected in the tension, not read from the events."""
 
 import dataclasses
 
@@ -44,21 +44,19 @@ def check_each_trial_is_found(path, phases):
     return stated, detected
 
 
-def test_every_press_is_found(stiffness_bag):
+def test_every_press_is_detected(stiffness_bag):
     stated, detected = check_each_trial_is_found(stiffness_bag, 'stiffness')
-    # In newtons: the tension relaxes by some hundredths of one within the tolerance.
+    # Intercepts [N]. The detected start may deviate by some tenths of a second.
     np.testing.assert_allclose(
         [w.values[1] for w in detected], [w.values[1] for w in stated], atol=0.1
     )
 
 
-def test_every_glide_is_found(texture_bag):
+def test_every_glide_is_detected(texture_bag):
     check_each_trial_is_found(texture_bag, 'texture')
 
 
-def test_an_audit_goes_by_the_stated_trials_where_others_were_found_beside_them(
-    stiffness_bag, tmp_path
-):
+def test_audit_uses_stated_trials_and_ignores_detected_ones(stiffness_bag, tmp_path):
     both = tmp_path / 'both'
     with TactileBag(stiffness_bag) as bag, BagWriter(both, bag.metadata) as writer:
         strain, stated, found = map(writer.add_topic, (STRAIN_TOPIC, EVENT_TOPIC, FOUND_TOPIC))
@@ -75,7 +73,7 @@ def test_an_audit_goes_by_the_stated_trials_where_others_were_found_beside_them(
 
 
 def record_hand(path, source, label):
-    """Write what a hand without a rig records: strain, and the phases found in it."""
+    """Write a bag as recorded on a hand: samples, and phases that were detected in them."""
     with TactileBag(source) as bag:
         config = dataclasses.replace(
             recorded_features(bag).config,
@@ -98,7 +96,7 @@ def record_hand(path, source, label):
     return path
 
 
-def test_recordings_of_a_hand_train_together(stiffness_bag, tmp_path):
+def test_recordings_of_a_hand_are_used_together_for_training(stiffness_bag, tmp_path):
     bags = [record_hand(tmp_path / name, stiffness_bag, name) for name in ('apple', 'sponge')]
     with open_trials(bags) as trials:
         tables, left_out = compute_tables(trials)

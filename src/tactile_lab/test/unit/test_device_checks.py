@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The check of a sensor, on its blocks."""
+"""The check of a sensor by its strain blocks."""
 
 import numpy as np
 import pytest
@@ -30,9 +30,9 @@ def texts(problems):
     return ' '.join(problem.what for problem in problems)
 
 
-def test_a_sound_sensor_has_facts_and_no_problems():
+def test_faultless_sensor_has_facts_and_no_problems():
     generator = np.random.default_rng(1)
-    # A drift of 0.1 N/s is no noise.
+    # A drift of 0.1 N/s must not count as noise.
     values = 2.0 + 0.1 * np.arange(300) / 60 + 0.02 * generator.standard_normal(300)
     facts, problems = judge_blocks([block(i, value) for i, value in enumerate(values)], CONFIG)
     assert problems == []
@@ -44,7 +44,7 @@ def test_a_sound_sensor_has_facts_and_no_problems():
     assert facts['error of the stamps [s]'] == 0.001
 
 
-def test_blocks_of_many_samples_count_as_their_samples():
+def test_samples_are_counted_in_blocks_of_any_size():
     blocks = [block(10 * i, np.linspace(0, 1, 10)) for i in range(6)]
     facts, _ = judge_blocks(blocks, CONFIG)
     assert facts['samples'] == 60
@@ -53,7 +53,7 @@ def test_blocks_of_many_samples_count_as_their_samples():
     assert judge_blocks([block(0, 1.0)], CONFIG)[0]['rate [Hz]'] == 0.0
 
 
-def test_lost_samples_are_told_and_do_not_change_the_rate():
+def test_lost_samples_are_reported_and_do_not_change_the_rate():
     indices = [i for i in range(120) if i not in (50, 51, 52)]
     blocks = [block(i, i % 7, lost_before=3 * (i == 53)) for i in indices]
     facts, problems = judge_blocks(blocks, CONFIG)
@@ -74,26 +74,26 @@ def test_lost_samples_are_told_and_do_not_change_the_rate():
         ({'stamp_error_s': 0.02}, 'wrong by 20.0 ms'),
     ],
 )
-def test_each_fault_in_the_blocks_is_told(changes, what):
+def test_each_fault_in_the_blocks_is_reported(changes, what):
     _, problems = judge_blocks([block(i, i % 7, **changes) for i in range(60)], CONFIG)
     assert what in texts(problems)
     assert all(problem.remedy for problem in problems)
 
 
-def test_a_constant_zero_is_no_tension():
+def test_constant_zero_is_reported():
     _, problems = judge_blocks([block(i, 0.0) for i in range(33)], CONFIG)
     assert texts(problems) == 'all 33 samples are exactly 0 N'
     assert judge_blocks([block(i, 0.1 * (i == 7)) for i in range(33)], CONFIG)[1] == []
 
 
-def test_another_rate_than_the_configured_one_is_told():
+def test_deviation_from_the_configured_rate_is_reported():
     config = TendonSensorConfig(rate_hz=80.0)
     _, problems = judge_blocks([block(i, i % 7) for i in range(60)], config)
     assert texts(problems) == 'the rate is 60.00 Hz, but rate_hz is 80'
 
 
-def test_a_sensor_without_a_clock_has_no_error_of_stamps():
+def test_sensor_without_a_clock_has_no_stamp_error():
     blocks = [block(i, i % 7, 0, StrainStatus.HOST_TIME, -1.0) for i in range(60)]
     facts, problems = judge_blocks(blocks, CONFIG)
-    assert facts['error of the stamps [s]'] == 'none: host time'
+    assert facts['error of the stamps [s]'] == 'not known (host time)'
     assert problems == []

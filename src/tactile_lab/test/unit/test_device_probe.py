@@ -18,7 +18,7 @@ MILLISECONDS = {'time_column': 0, 'time_unit_s': 0.001}
 
 
 def lines(*texts, end='\r\n'):
-    """Bytes that begin in the middle of a line and end in another."""
+    """Return bytes that begin in the middle of one line and end in the middle of another."""
     return ('3,cut' + end + end.join(texts) + end + texts[0][:3]).encode()
 
 
@@ -31,7 +31,7 @@ def lines(*texts, end='\r\n'):
         (b'<Hold:0|MPos:0.000,0.000,0.000>\r\n', 'Grbl, in state Hold'),
     ],
 )
-def test_grbl_is_known_by_banner_and_status(data, what):
+def test_grbl_is_recognised_by_banner_or_status(data, what):
     assert recognise(data) == ('guide', what, {})
 
 
@@ -50,7 +50,7 @@ BANNER = b'\r\nSerial Load Cell Converter version 1.2\r\nMinimum time between re
         (lines(*(f'{i / 10:.1f} {i}' for i in range(8)), end='\n'), FLOAT_TIME),
     ],
 )
-def test_load_cell_lines_say_their_columns(said, parameters):
+def test_columns_of_load_cell_lines_are_recognised(said, parameters):
     device, what, found = recognise(said)
     assert (device, found) == ('sensor', parameters)
     assert what.startswith('load-cell lines such as "')
@@ -66,7 +66,7 @@ def test_load_cell_lines_say_their_columns(said, parameters):
         (['12.34oz', '12.35oz'], {'value_column': 0, 'unit': 'oz'}),
     ],
 )
-def test_scale_indicators_say_their_columns_and_unit(texts, parameters):
+def test_columns_and_unit_of_scale_indicators_are_recognised(texts, parameters):
     device, what, found = recognise(lines(*texts * 4))
     assert (device, found) == ('sensor', {'time_column': -1, **parameters})
     assert what == f'load-cell lines such as "{texts[1]}"'
@@ -83,14 +83,14 @@ def test_scale_indicators_say_their_columns_and_unit(texts, parameters):
         ('OL,GS,+  12.34 kg', 'the device reports an overload'),
     ],
 )
-def test_lines_that_the_driver_refuses_are_said_to_be_refused(text, reason):
+def test_lines_that_the_driver_rejects_are_reported(text, reason):
     device, what, parameters = recognise(lines(*[text] * 8))
     assert (device, parameters) == ('sensor', {})
     assert f'"{text}", which are refused: ' in what
     assert reason in what
 
 
-def test_an_open_scale_in_its_menu_is_known():
+def test_open_scale_in_its_menu_is_recognised():
     device, what, _ = recognise(
         b'System Configuration\r\n1) Tare scale to zero [0]\r\nx) Exit\r\n>'
     )
@@ -101,17 +101,17 @@ def test_an_open_scale_in_its_menu_is_known():
 @pytest.mark.parametrize(
     'data', [b'', b'\n\n\n\n\n\n', b'hello\nworld\nhow\nare\nyou\ntoday\n', b'1\n2\n', b'1,2,3']
 )
-def test_what_is_not_known_is_not_guessed(data):
+def test_unknown_data_are_not_recognised(data):
     assert recognise(data) is None
 
 
 @given(st.binary(max_size=300))
-def test_no_bytes_break_it(data):
+def test_recognition_accepts_any_bytes(data):
     answer = recognise(data)
     assert answer is None or answer[0] in ('guide', 'sensor')
 
 
-def test_names_and_holders_of_a_port(tmp_path):
+def test_names_and_programs_of_a_port_are_found(tmp_path):
     master, slave = os.openpty()
     try:
         port = os.ttyname(slave)
@@ -129,11 +129,11 @@ def test_names_and_holders_of_a_port(tmp_path):
     assert not any(holder.endswith(f'({os.getpid()})') for holder in find_holders(port))
 
 
-def test_the_udev_rules_name_the_ports_and_are_installed():
+def test_udev_rules_name_the_ports_and_are_installed():
     package = Path(__file__).parents[3] / 'tactile_bringup'
     rules = (package / 'udev' / '60-tactile.rules').read_text()
     lines = [line for line in rules.splitlines() if line and not line.startswith('#')]
-    # A misspelt key or a single = where == belongs makes udev skip the line, or assign.
+    # With a misspelt key, udev ignores the line; with = instead of ==, it assigns a value.
     part = re.compile(
         r'(ACTION|SUBSYSTEM|DRIVERS|SYMLINK|ATTRS\{\w+\})(==|!=)"[^"]+"'
         r'|(SYMLINK\+|GROUP|MODE|GOTO|LABEL|ENV\{\w+\}|ATTR\{[\w/]+\})="[^"]+"'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The documents agree with the code, and their links hold."""
+"""The documentation agrees with the code, and its links exist."""
 
 import importlib
 from pathlib import Path
@@ -32,7 +32,7 @@ UNITLESS = {
 }
 
 
-def test_parameters_are_those_of_the_code():
+def test_documented_parameters_equal_the_code():
     text = (DOCS / 'parameters.md').read_text()
     assert renew(text) == text, (
         'renew them: ./tactile run python -m tactile_bringup.launch_config.parameter_tables '
@@ -57,7 +57,7 @@ def test_parameter_files_of_the_pages_can_be_copied(text, parameter_file):
     ParameterFile(parameter_file(text))
 
 
-def test_constants_and_interfaces_are_those_of_the_code(monkeypatch):
+def test_documented_constants_and_interfaces_equal_the_code(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS))
     constants, interfaces = map(importlib.import_module, ('constants', 'interfaces'))
     text = (DOCS / 'simulator_constants.md').read_text()
@@ -68,7 +68,7 @@ def test_constants_and_interfaces_are_those_of_the_code(monkeypatch):
     assert page == (DOCS / 'interfaces.md').read_text(), renewal
 
 
-def test_the_promises_of_motion_name_tests_that_exist():
+def test_promises_in_motion_md_name_existing_tests():
     table = (DOCS / 'motion.md').read_text().split('## Promises and their tests')[1]
     table = table.split('\n## ')[0]
     driver = ROOT / 'src' / 'linear_guide_driver' / 'test'
@@ -84,13 +84,13 @@ def test_the_promises_of_motion_name_tests_that_exist():
 
 
 def anchors(page):
-    """Return the anchors of a page's headings, as GitHub makes them."""
+    """Return the anchors of the headings of a page, as GitHub makes them."""
     titles = re.findall(r'^#+ (.+)$', page.read_text(), re.MULTILINE)
     return {re.sub(r'[^\w\- ]', '', title.lower()).replace(' ', '-') for title in titles}
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_hold(page):
+def test_links_of_the_documentation_exist(page):
     for target in re.findall(r'\]\(([^)\s]+)\)', page.read_text()):
         if '://' not in target:
             name, _, anchor = target.partition('#')
@@ -112,7 +112,7 @@ def interface_fields():
                 yield path.stem, *match.groups(default='')
 
 
-def test_every_field_says_what_it_is_and_in_which_unit():
+def test_every_message_field_has_a_comment_with_its_unit():
     fields = list(interface_fields())
     assert len(fields) > 50
     for interface, type_name, name, comment in fields:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Experiments with any interruptions: no trial is lost, and none counts twice."""
+"""Experiments with random interruptions: no trial is lost or counted twice."""
 
 from contextlib import contextmanager, suppress
 from itertools import pairwise
@@ -22,11 +22,11 @@ PLAN = ExperimentPlan('x', 'stiffness', ('pla', 'sponge'), sessions=2, mountings
 
 
 class PowerCut(BaseException):
-    """The program ends here."""
+    """Ends the program, as a power cut does."""
 
 
 class World:
-    """The world that outlives the programs: the rig's recordings, and what will befall them."""
+    """State that survives interruptions: recordings, planned interruptions and failures."""
 
     def __init__(self, cuts=(), outcomes=()):
         self.cuts, self.outcomes = iter(cuts), iter(outcomes)
@@ -100,7 +100,7 @@ class Person:
 
 
 def run_to_end(folder, world, person=None, plan=PLAN, added=()):
-    """Return the progress, and why it ended."""
+    """Start the experiment again until it ends; return the progress and the reason."""
     folder.set_up(plan)
     with folder.open_journal() as journal:
         return run_experiment(folder, Bench(world), person or Person(world), journal, added)
@@ -115,7 +115,7 @@ def check_complete(folder, world):
     assert not progress.left()
     kept = [progress.kept(trial.key).trial_id for trial in progress.order]
     assert len(set(kept)) == len(kept) == PLAN.trial_count
-    # Valid trials were recorded completely and once; each recording has a unique name.
+    # Each kept trial was recorded completely. Each recording has a unique name.
     assert set(kept) <= set(world.recorded)
     assert len(set(world.recorded)) == len(world.recorded)
 
@@ -129,7 +129,7 @@ def check_complete(folder, world):
     ),
     choices=st.lists(st.sampled_from(['again', 'keep']), max_size=20),
 )
-def test_no_trial_is_lost_or_counts_twice_whatever_interrupts(
+def test_no_trial_is_lost_or_counted_twice_after_any_interruption(
     tmp_path_factory, cuts, torn, outcomes, choices
 ):
     folder = ExperimentFolder(tmp_path_factory.mktemp('x') / 'experiment')
@@ -140,7 +140,7 @@ def test_no_trial_is_lost_or_counts_twice_whatever_interrupts(
             run(folder, world, Person(world, choices))
             break
         except PowerCut:
-            # What followed the last confirmed entry may be there in part, or be zeros.
+            # After a power cut, the journal may end with an incomplete line or with zeros.
             with folder.journal.open('ab') as file:
                 file.write(b'{"kind": "ended", "trial_id": "x-s01-m01-t01"}'[: next(torn, 0) % 47])
     check_complete(folder, world)
@@ -148,7 +148,7 @@ def test_no_trial_is_lost_or_counts_twice_whatever_interrupts(
 
 @settings(max_examples=15)
 @given(st.lists(st.sampled_from([False, False, False, True]), max_size=60))
-def test_a_repeated_call_goes_on_with_the_block_that_was_appended(tmp_path_factory, cuts):
+def test_repeated_call_continues_the_appended_block(tmp_path_factory, cuts):
     folder = ExperimentFolder(tmp_path_factory.mktemp('x') / 'experiment')
     run(folder, World([], []))
     planned = len(folder.read_order())
@@ -168,8 +168,8 @@ def test_a_repeated_call_goes_on_with_the_block_that_was_appended(tmp_path_facto
 
 @settings(max_examples=20)
 @given(st.lists(st.integers(1, 25), max_size=12), st.booleans())
-def test_a_program_killed_between_any_two_writes_goes_on(tmp_path_factory, kills, after):
-    """The cut comes before or after the disk has confirmed an entry."""
+def test_experiment_continues_after_a_kill_between_any_two_writes(tmp_path_factory, kills, after):
+    """The program is killed before or after the disk has confirmed an entry."""
     folder = ExperimentFolder(tmp_path_factory.mktemp('x') / 'experiment')
     world = World()
     confirm = os.fsync
@@ -195,7 +195,7 @@ def test_a_program_killed_between_any_two_writes_goes_on(tmp_path_factory, kills
     check_complete(folder, world)
 
 
-def test_failed_and_outlying_trials_are_offered_again_at_once(folder):
+def test_failed_trials_and_outliers_can_be_repeated_immediately(folder):
     plan = ExperimentPlan('x', 'stiffness', ('pla',), sessions=1, mountings=1, trials=5)
     world = World(outcomes=['good', 'failed', 'unusable', 'good', 'good', 'outlier', 'outlier'])
     person = Person(world, ['again', 'again', 'again', 'keep'])
@@ -220,7 +220,7 @@ def test_failed_and_outlying_trials_are_offered_again_at_once(folder):
     assert (found['done'], found['failed'], found['attempts']) == (5, 2, 8)
 
 
-def test_each_trial_says_what_comes_after_it(folder):
+def test_each_trial_describes_the_following_one(folder):
     plan = ExperimentPlan('x', 'stiffness', ('pla', 'sponge'), sessions=1, mountings=1, trials=2)
     world = World()
     run(folder, world, plan=plan)
@@ -233,7 +233,7 @@ def test_each_trial_says_what_comes_after_it(folder):
     assert sum('to be mounted' in each for each in expected) == 1
 
 
-def test_an_operator_may_stop_and_what_is_put_there_again_has_a_mounting_of_its_own(folder):
+def test_operator_can_stop_and_the_object_gets_a_new_mounting_when_continued(folder):
     world = World(outcomes=['good', 'failed'])
     assert run_to_end(folder, world, Person(world, ['stop']))[1] == (
         'stopped after trial x-s01-m01-t02'
@@ -247,7 +247,7 @@ def test_an_operator_may_stop_and_what_is_put_there_again_has_a_mounting_of_its_
     assert len(set(mountings)) == len(progress.mounting_ids) == 9
 
 
-def test_a_recording_that_cannot_go_on_ends_the_experiment(folder, monkeypatch):
+def test_failed_recording_ends_the_experiment(folder, monkeypatch):
     def fail(self, order):
         raise ExperimentError('the disk is full')
 
@@ -261,7 +261,7 @@ def test_a_recording_that_cannot_go_on_ends_the_experiment(folder, monkeypatch):
     check_complete(folder, world)
 
 
-def test_the_time_that_is_left_is_measured_once_trials_have_run():
+def test_remaining_time_is_estimated_from_the_trials_so_far():
     order = [each for name in PLAN.session_ids for each in list_order(PLAN, name)]
     progress = Progress(order, [])
     progress.take({'kind': 'mounted', 'mounting_id': 'm', 'seconds': 50.0})
@@ -275,11 +275,11 @@ def test_the_time_that_is_left_is_measured_once_trials_have_run():
 @pytest.mark.parametrize(
     ('seconds', 'text'), [(0, '0 s'), (89, '89 s'), (90, '2 min'), (5399, '1 h 30 min')]
 )
-def test_durations_are_for_people(seconds, text):
+def test_durations_are_formatted_in_s_min_or_h(seconds, text):
     assert format_seconds(seconds) == text
 
 
-def test_another_setup_goes_on_only_when_it_is_accepted(folder):
+def test_experiment_continues_with_a_changed_setup_only_if_it_is_accepted(folder):
     world = World(outcomes=['good', 'failed'])
     run(folder, world, Person(world, ['stop']))
     assert folder.read_progress().setup == world.setup

@@ -60,7 +60,7 @@ PLANS = st.builds(
 
 @example(ExperimentPlan('0b_', 'texture', ('0b_', '1e3', 'no')))
 @given(PLANS)
-def test_a_plan_is_read_as_it_was_written(plan):
+def test_plan_is_read_as_it_was_written(plan):
     assert parse_plan(load_yaml(format_plan(plan)), 'other') == plan
 
 
@@ -82,7 +82,7 @@ def test_the_order_has_each_block_once_and_is_read_as_it_was_written(plan):
         assert turns == len(plan.contacts) - 1
 
 
-def test_specimens_take_turns_within_and_between_sessions():
+def test_specimens_alternate_within_and_between_sessions():
     plan = ExperimentPlan('x', 'texture', ('A', 'B'), sessions=3, mountings=3, specimens=2)
     mounted = [
         (trial.session_id, trial.object_label, trial.specimen)
@@ -93,7 +93,7 @@ def test_specimens_take_turns_within_and_between_sessions():
     of_a = [specimen for _, label, specimen in mounted if label == 'A']
     assert of_a == ['A-1', 'A-2'] * 4 + ['A-1']
     assert {specimen for _, label, specimen in mounted if label == 'B'} == {'B-1', 'B-2'}
-    # A block that is appended goes on.
+    # An appended block continues the alternation.
     (block,) = {
         trial.specimen[-1]
         for trial in list_order(dataclasses.replace(plan, mountings=1), 'x-s01', 7)
@@ -104,12 +104,12 @@ def test_specimens_take_turns_within_and_between_sessions():
     }
 
 
-def test_an_order_without_specimens_is_read():
+def test_order_file_without_specimens_is_read():
     text = 'key,session_id,mounting,trial,contact,object_label\nk,s,1,1,flexion,A\n'
     assert [trial.specimen for trial in parse_order(text)] == ['']
 
 
-def test_blocks_are_in_different_orders_and_another_seed_changes_them():
+def test_order_differs_between_blocks_and_between_seeds():
     plan = ExperimentPlan('x', 'texture', tuple('ABCDEF'), mountings=4, sessions=2)
 
     def orders(plan):
@@ -142,7 +142,7 @@ def test_blocks_are_in_different_orders_and_another_seed_changes_them():
         ('{protocol: texture, objects: [R1], colour: red}', "unknown entry 'colour'"),
     ],
 )
-def test_a_plan_that_cannot_be_used_is_refused(tmp_path, text, sentence):
+def test_invalid_plan_is_refused(tmp_path, text, sentence):
     path = tmp_path / 'plan.yaml'
     path.write_text(text)
     with pytest.raises(ExperimentError, match=sentence) as refusal:
@@ -154,7 +154,7 @@ def test_a_plan_that_cannot_be_used_is_refused(tmp_path, text, sentence):
     st.sampled_from(['name', 'protocol', 'objects', 'contacts', 'trials', 'seed', 'hold_s']),
     st.recursive(st.none() | st.booleans() | st.integers() | st.text(), st.lists, max_leaves=4),
 )
-def test_any_value_in_a_plan_is_taken_or_refused_with_a_sentence(key, value):
+def test_any_value_in_a_plan_is_accepted_or_refused_with_a_sentence(key, value):
     document = {'protocol': 'texture', 'objects': ['R1'], key: value}
     with suppress(ExperimentError):
         assert parse_plan(document, 'x').trial_count
@@ -169,7 +169,7 @@ ENTRIES = st.lists(
 
 
 @given(ENTRIES, st.integers(0, 400), st.sampled_from([b'', b'\0' * 20, b'\0\n\0\n', b'{"ki']))
-def test_a_journal_that_was_cut_off_keeps_its_whole_lines(entries, cut, tail):
+def test_truncated_journal_keeps_its_complete_lines(entries, cut, tail):
     data = b''.join(json.dumps(entry).encode() + b'\n' for entry in entries)[:cut]
     found, length = parse_journal(data + tail)
     assert found == entries[: data.count(b'\n')]
@@ -185,12 +185,12 @@ def test_any_bytes_are_a_journal_or_refused(data):
     assert parse_journal(data[:length]) == (entries, length)
 
 
-def test_a_damaged_line_in_the_middle_is_refused():
+def test_damaged_line_within_the_journal_is_refused():
     with pytest.raises(BagError, match='line 2 is damaged'):
         parse_journal(b'{"kind": "a"}\nrubbish\n{"kind": "b"}\n')
 
 
-def test_a_journal_goes_on_after_half_a_line_and_has_one_writer(tmp_path):
+def test_journal_continues_after_an_incomplete_line_and_has_a_single_writer(tmp_path):
     path = tmp_path / 'journal.jsonl'
     with Journal(path) as journal:
         journal.append('a', n=1)
@@ -203,7 +203,7 @@ def test_a_journal_goes_on_after_half_a_line_and_has_one_writer(tmp_path):
     assert read_journal(path) == [{'kind': 'a', 'n': 1}, {'kind': 'c'}]
 
 
-def test_a_journal_on_a_full_disk_says_so_and_loses_half_a_line_alone(tmp_path):
+def test_journal_on_a_full_disk_reports_it_and_loses_only_the_incomplete_line(tmp_path):
     path = tmp_path / 'journal.jsonl'
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     with Journal(path) as journal:
@@ -231,9 +231,9 @@ def test_a_journal_on_a_full_disk_says_so_and_loses_half_a_line_alone(tmp_path):
         ['began', 'ended', 'kept', 'mounted', 'run', 'setup', 'relabelled', 'excluded', 'other']
     ),
 )
-def test_strange_entries_are_refused_with_their_number(values, kind):
+def test_invalid_entries_are_refused_with_their_number(values, kind):
     entry = {**values, 'kind': kind}
-    if kind in ('ended', 'kept', 'relabelled', 'excluded'):  # of a trial that never began
+    if kind in ('ended', 'kept', 'relabelled', 'excluded'):  # the trial of this entry never began
         with pytest.raises(ExperimentError, match='entry 1'):
             Progress([], [entry])
         return
@@ -252,7 +252,7 @@ def folder(tmp_path):
     return folder
 
 
-def test_sessions_may_grow_and_the_rest_may_not_change(folder):
+def test_sessions_may_be_increased_and_other_entries_must_not_change(folder):
     assert is_experiment(folder.path)
     before = folder.read_order()
     assert len(before) == 12
@@ -267,7 +267,7 @@ def test_sessions_may_grow_and_the_rest_may_not_change(folder):
 
 
 def test_a_block_is_appended_to_a_session_and_its_trials_are_counted(folder):
-    assert folder.appended_left('grooves-s01') == 0  # the plan's own trials are left
+    assert folder.appended_left('grooves-s01') == 0  # trials of the plan itself are not counted
     block = folder.draw_block('grooves-s01')
     assert len(block) == 6
     assert len(folder.read_order()) == 12
@@ -287,14 +287,14 @@ def test_a_block_is_appended_to_a_session_and_its_trials_are_counted(folder):
             ask('other')
 
 
-def test_a_folder_with_other_things_is_left_alone(tmp_path):
+def test_folder_with_other_files_is_refused(tmp_path):
     (tmp_path / 'notes.txt').write_text('mine')
     with pytest.raises(ExperimentError, match='is not an experiment'):
         ExperimentFolder(tmp_path).set_up(PLAN)
     assert [path.name for path in tmp_path.iterdir()] == ['notes.txt']
 
 
-def test_bags_of_an_experiment_and_what_does_not_count_in_them(folder):
+def test_bags_of_an_experiment_and_their_excluded_trials(folder):
     folder.open_journal().close()
     bag = folder.bag_path('grooves-s01', 1)
     bag.mkdir()
@@ -311,7 +311,7 @@ def test_bags_of_an_experiment_and_what_does_not_count_in_them(folder):
     }
 
 
-def test_corrections_are_entries_and_the_last_one_counts(folder):
+def test_corrections_are_entries_and_the_last_one_is_valid(folder):
     first, *_ = folder.read_order()
     with folder.open_journal() as journal:
         journal.append('mounted', mounting_id='m', seconds=1)
@@ -319,7 +319,7 @@ def test_corrections_are_entries_and_the_last_one_counts(folder):
         journal.append('began', key=first.key, trial_id=f'{first.key}-again1', mounting_id='m')
         journal.append('ended', trial_id=f'{first.key}-again1', **RESULT)
     assert len(folder.read_progress().earlier(first)) == 1
-    # The name of the planned trial refers to its valid recording.
+    # The name of the planned trial refers to its kept attempt.
     attempt = folder.correct(first.key, EXCLUDED, why='the cable touched')
     assert attempt.trial_id == f'{first.key}-again1'
     found = read_corrections(folder.path)
@@ -335,7 +335,8 @@ def test_corrections_are_entries_and_the_last_one_counts(folder):
     assert read_corrections(folder.path)[attempt.trial_id] == Correction(label=other)
     found = folder.read_progress()
     assert (found.find(first.key).label, found.to_dict()['relabelled']) == (other, 1)
-    assert not found.earlier(first)  # its tension is from another plate
+    # The trial was relabelled, so its tension is from another plate.
+    assert not found.earlier(first)
     before = folder.journal.read_bytes()
     with pytest.raises(ExperimentError, match=f'no trial "x"; did you mean {first.key}'):
         folder.correct('x', EXCLUDED, why='')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The check for outliers against its definition, its rate of false alarms, and hard cases."""
+"""Detection of outliers: definition, rate of false alarms, and hard cases."""
 
 import math
 
@@ -17,7 +17,7 @@ from tactile_lab.experiment.loop import (
 )
 
 
-def test_the_range_is_the_prediction_interval_of_the_own_mounting():
+def test_range_is_the_prediction_interval_of_the_same_mounting():
     values = {'a': [5.0, 5.2, 5.1], 'b': [7.0, 7.4]}
     earlier = [(m, {'mean_n': v}) for m, group in values.items() for v in group]
     found = usual_range('mean_n', 'a', earlier, 2)
@@ -27,7 +27,7 @@ def test_the_range_is_the_prediction_interval_of_the_own_mounting():
     assert found.half_width == pytest.approx(factor * pooled * math.sqrt(4 / 3), rel=1e-12)
 
 
-def test_a_new_mounting_is_compared_with_the_means_of_others():
+def test_new_mounting_is_compared_with_the_means_of_other_mountings():
     earlier = [(m, {'mean_n': v}) for m, v in (('a', 5.0), ('a', 5.2), ('b', 6.0), ('c', 7.0))]
     assert usual_range('mean_n', 'd', earlier[:3], 1) is None
     found = usual_range('mean_n', 'd', earlier, 1)
@@ -37,7 +37,7 @@ def test_a_new_mounting_is_compared_with_the_means_of_others():
     assert found.half_width == pytest.approx(factor * math.sqrt(variance), rel=1e-12)
 
 
-def test_false_alarms_are_as_rare_as_stated():
+def test_rate_of_false_alarms_is_as_stated():
     generator = np.random.default_rng(5)
     alarms = count = 0
     for _ in range(400):
@@ -52,11 +52,11 @@ def test_false_alarms_are_as_rare_as_stated():
                 alarms += bool(find_outlier(found, str(mounting), earlier))
                 earlier.append((str(mounting), found))
                 count += 1
-    # The bound of a binomial at the stated rate, at one in a million.
+    # Quantile of the binomial distribution with the stated rate; exceeded once in a million.
     assert alarms <= stats.binom.ppf(1 - 1e-6, count, FALSE_ALARMS)
 
 
-def test_a_finger_that_misses_the_plate_is_an_outlier():
+def test_trial_that_misses_the_plate_is_an_outlier():
     generator = np.random.default_rng(1)
     earlier = [
         (str(m), {'mean_n': 5.0 + 0.2 * generator.normal(), 'deviation_n': 0.5})
@@ -68,13 +68,13 @@ def test_a_finger_that_misses_the_plate_is_an_outlier():
     assert find_outlier({'mean_n': 5.0, 'deviation_n': 0.5}, '3', earlier) is None
 
 
-def test_equal_values_are_no_reason_for_an_alarm_at_the_next_rounding():
+def test_equal_values_cause_no_alarm_for_a_rounding_difference():
     earlier = [('a', {'mean_n': 5.0})] * 9
     assert find_outlier({'mean_n': 5.09}, 'a', earlier) is None
     assert find_outlier({'mean_n': 5.11}, 'a', earlier)
 
 
-def test_a_large_level_does_not_swallow_a_small_deviation():
+def test_small_deviation_is_found_at_a_large_mean():
     level, small = 1e6, np.array([0.0, 1e-3, -1e-3] * 20)
     found = summarise_tension(level + small)
     assert found['mean_n'] == pytest.approx(level, rel=1e-15)

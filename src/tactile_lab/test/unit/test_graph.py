@@ -40,11 +40,11 @@ def test_rig_has_every_node_with_its_port(models):
     assert nodes['linear_guide'].parameters['port'] == '/dev/guide'
     assert nodes['tendon_actuator'].parameters['port'] == '/dev/tendon'
     assert nodes['tendon_sensor'].parameters['port'] == '/dev/sensor'
-    # Only the sensor needs the parameter, because its samples contain the mark.
+    # Only the sensor node has the parameter; its samples are then marked as simulated.
     told = [name for name, node in nodes.items() if 'simulated' in node.parameters]
     assert told == ['tendon_sensor']
     assert nodes['tendon_sensor'].parameters['simulated'] is True
-    # Each can be created here.
+    # Each description is valid: its node can be created.
     for node in (*nodes.values(), recorder_node(Path('bag'), simulated=True)):
         assert find_node_class(node.executable).__module__.split('.')[-1] == node.executable
     stated = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}
@@ -52,7 +52,7 @@ def test_rig_has_every_node_with_its_port(models):
     assert guide.parameters == {'strain_timeout_s': 0.5, 'port': '/dev/guide'}
 
 
-def test_the_range_of_a_simulated_load_cell_is_known():
+def test_range_of_a_simulated_load_cell_is_set():
     def ranges(stated, **options):
         nodes = by_name(rig_graph(PORTS, None, stated, **options))
         names = ('tendon_sensor', 'tendon_actuator')
@@ -65,7 +65,7 @@ def test_the_range_of_a_simulated_load_cell_is_known():
     assert default_catalogue().rig().load_cell.capacity_n > SIMULATED_SATURATION_N
 
 
-def test_features_and_classifier_get_the_models_and_nothing_out_of_them(trained):
+def test_features_and_classifier_get_only_the_paths_of_models(trained):
     choice = ModelChoice.read(trained, 'stiffness', 'flexion')
     nodes = by_name(rig_graph(PORTS, choice, {}, simulated=False))
     told = {'models': str(trained), 'contact': 'flexion'}
@@ -73,7 +73,7 @@ def test_features_and_classifier_get_the_models_and_nothing_out_of_them(trained)
     assert nodes[CLASSIFIER_NODE].parameters == told
 
 
-def test_the_recorder_waits_for_a_classifier_where_one_runs():
+def test_recorder_waits_for_the_classifier_only_if_there_is_one():
     assert recorder_node(Path('bag')).parameters['classifier'] is False
     assert recorder_node(Path('bag'), classifier=True).parameters['classifier'] is True
 
@@ -96,13 +96,13 @@ def test_a_sensor_on_a_topic_needs_no_port(topic, expected):
         sensor_parameters({}, port='/dev/a', topic=topic)
 
 
-def test_the_rate_of_a_sensor_on_a_topic_is_measured_unless_it_is_stated():
+def test_rate_of_a_sensor_on_a_topic_is_measured_unless_it_is_given():
     def rate_hz(**stated):
         return sensor_parameters(stated, topic='/f').get('rate_hz')
 
     assert rate_hz() == 0.0
     assert rate_hz(tactile_features={'rate_hz': 100.0}) == 100.0
-    assert rate_hz(tendon_sensor={'rate_hz': 50.0}) is None, 'that of the file stays'
+    assert rate_hz(tendon_sensor={'rate_hz': 50.0}) is None, 'the rate in the file is used'
     on_topic = {'tendon_sensor': {'sensor': 'topic', 'topic': '/f'}}
     assert sensor_parameters(on_topic) == {'rate_hz': 0.0}
 
@@ -116,7 +116,7 @@ def test_without_a_sensor_port_another_node_publishes_the_strain():
     assert [node.name for node in sensing_graph('none', None, {})] == ['tactile_features']
 
 
-def test_the_models_of_a_finger_fit_its_task_and_its_contact(trained, tmp_path):
+def test_models_of_a_finger_match_its_task_and_contact(trained, tmp_path):
     file = tmp_path / 'of any name.npz'
     shutil.copy(trained / 'stiffness_flexion.npz', file)
     assert ModelChoice.read(file, 'stiffness', 'flexion').path == file

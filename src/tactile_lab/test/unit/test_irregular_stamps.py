@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A publisher that stamps messages when it sends them: from its topic to features and audit."""
+"""Features and audit if a publisher stamps messages at the time of sending."""
 
 import pytest
 
@@ -16,7 +16,7 @@ PERIOD_NS = 1_000_000_000 / 60
 
 
 def run_trial(stamps_ns):
-    """Return the window and the audit of a hold from 1 s to 6 s; no message is lost."""
+    """Return window and audit of a hold from 1 s to 6 s, of which no message is lost."""
     stream = TopicStream(TendonSensorConfig(sensor='topic', topic='/force', rate_hz=60.0))
     extractor, auditor = TrialFeatureExtractor(FeatureConfig()), FingerAuditor('', 60.0)
     windows, audits = [], []
@@ -35,8 +35,8 @@ def run_trial(stamps_ns):
 
 
 @pytest.mark.parametrize('every', [20, 60])
-def test_late_stamps_refuse_no_trial(every):
-    late = {0: 1.6, 1: 0.7}  # in periods
+def test_late_stamps_do_not_refuse_a_trial(every):
+    late = {0: 1.6, 1: 0.7}  # delays of the stamps, in sample periods
     stamps_ns = [
         START_NS + round((i + late.get(i % every, 0.0) * (i > 60)) * PERIOD_NS) for i in range(600)
     ]
@@ -47,7 +47,7 @@ def test_late_stamps_refuse_no_trial(every):
     assert audit.lost_count == 0
 
 
-def test_a_pause_of_the_publisher_refuses_its_trial():
+def test_pause_of_the_publisher_refuses_the_trial():
     stamps_ns = [START_NS + round((i + 5 * (i > 200)) * PERIOD_NS) for i in range(600)]
     window, audit, irregular = run_trial(stamps_ns)
     assert irregular == 0

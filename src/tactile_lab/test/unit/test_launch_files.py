@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The launch files, parsed: ``launch`` comes with an ordinary ROS 2 and not from PyPI.
+"""The launch files are parsed here without ``launch``, which is not on PyPI.
 
-They are run by ``test/launch``, where it is installed.
+They are run in ``test/launch`` if ``launch`` is installed.
 """
 
 import ast
@@ -36,7 +36,7 @@ def parse(name):
 
 
 def calls(name, function):
-    """Return the keywords of each call of a function in a launch file."""
+    """Return the keyword arguments of each call of a function in a launch file."""
     return [
         {word.arg: word.value for word in call.keywords}
         for call in ast.walk(parse(name))
@@ -44,13 +44,13 @@ def calls(name, function):
     ]
 
 
-def test_every_launch_file_is_known():
+def test_every_launch_file_is_tested():
     names = {path.name.removesuffix('.launch.py') for path in LAUNCH_FOLDER.glob('*.py')}
     assert names == {*WITH_NODES, *INCLUDES}
 
 
 @pytest.mark.parametrize('name', WITH_NODES)
-def test_a_launch_file_shows_nodes_that_can_be_started(name):
+def test_launch_files_start_existing_executables(name):
     shown = []
     for words in calls(name, 'Node'):
         package, executable, node = (
@@ -68,7 +68,7 @@ def test_a_launch_file_shows_nodes_that_can_be_started(name):
     assert len(shown) == len(set(shown))
 
 
-def test_what_helpers_set_are_parameters_of_their_nodes():
+def test_parameters_set_by_launch_helpers_exist():
     for node, made in {
         'bag_recorder': recorder_parameters('bag'),
         'bag_player': player_parameters('bag', 1.0, 'index'),
@@ -77,7 +77,7 @@ def test_what_helpers_set_are_parameters_of_their_nodes():
 
 
 @pytest.mark.parametrize(('name', 'included'), INCLUDES.items())
-def test_a_short_launch_file_includes_another(name, included):
+def test_short_launch_files_include_another_one(name, included):
     text = (LAUNCH_FOLDER / f'{name}.launch.py').read_text()
     assert f"with_name('{included}.launch.py')" in text
     ((given,),) = (re.findall(r'launch_arguments=\{\'(\w+)\'', text),)
@@ -85,7 +85,7 @@ def test_a_short_launch_file_includes_another(name, included):
 
 
 @pytest.mark.parametrize('name', WITH_NODES)
-def test_every_argument_says_what_it_is_for_and_is_used(name):
+def test_every_launch_argument_is_described_and_used(name):
     arguments = read_launch_arguments(name)
     names = [argument.name for argument in arguments]
     assert len(names) == len(set(names))
@@ -103,12 +103,12 @@ def test_every_argument_says_what_it_is_for_and_is_used(name):
     assert used == set(names) - shared
 
 
-def test_the_command_line_has_the_same_choices():
+def test_command_line_has_the_choices_of_the_launch_files():
     (phases,) = (a for a in read_launch_arguments('hand') if a.name == 'phases')
     assert phases.choices == ('', *PHASES)
 
 
-def test_the_parameters_of_the_rig_are_those_of_its_nodes():
+def test_parameter_file_of_the_rig_names_existing_parameters():
     file = ParameterFile(LAUNCH_FOLDER.parent / 'config' / 'rig.yaml')
     for namespace in ('', 'thumb'):
         file.refuse_others([namespace])

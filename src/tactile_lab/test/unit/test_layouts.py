@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every topic and field that a layout shows is one that our nodes publish and record."""
+"""Every topic and field in a layout is published and recorded by our nodes."""
 
 import json
 from pathlib import Path
@@ -30,7 +30,7 @@ def store():
 
 def check_field(store, topic, steps):
     """Follow a path of field names, such as wrench, force, x or values[0]; return its type."""
-    assert topic in TOPICS, f'nobody publishes {topic}'
+    assert topic in TOPICS, f'no node publishes {topic}'
     type_name = TOPICS[topic]
     for step in steps:
         name, _, index = step.partition('[')
@@ -67,7 +67,7 @@ def panels_of(layout):
     return panels_of(layout['first']) + panels_of(layout['second'])
 
 
-def test_foxglove_shows_fields_that_there_are(store, foxglove):
+def test_foxglove_layout_shows_existing_fields(store, foxglove):
     assert sorted(panels_of(foxglove['layout'])) == sorted(foxglove['configById'])
     for name, panel in foxglove['configById'].items():
         kind = name.partition('!')[0]
@@ -87,17 +87,17 @@ def test_foxglove_shows_fields_that_there_are(store, foxglove):
                 check_numeric(store, topic, ['header', 'stamp', 'sec'])
 
 
-def test_plotjuggler_shows_fields_that_there_are_and_subscribes_to_them(store, plotjuggler):
+def test_plotjuggler_layout_shows_and_subscribes_to_existing_fields(store, plotjuggler):
     shown = set()
     for curve in (each.get('name') for each in plotjuggler.iter('curve')):
         topic = next((t for t in TOPICS if curve.startswith(f'{t}/')), '')
-        assert topic, f'nobody publishes {curve}'
+        assert topic, f'no node publishes {curve}'
         steps = curve[len(topic) + 1 :].split('/')
-        if TOPICS[topic] == JOINT_STATE:  # shown by the name of the joint
+        if TOPICS[topic] == JOINT_STATE:  # selected by the name of the joint
             assert steps[0] == JOINTS[topic]
             steps = [f'{steps[1]}[0]']
         check_numeric(store, topic, steps)
-        check_numeric(store, topic, ['header', 'stamp', 'sec'])  # by which it is drawn
+        check_numeric(store, topic, ['header', 'stamp', 'sec'])  # PlotJuggler uses this stamp
         shown.add(topic)
     (plugin,) = plotjuggler.iter('plugin')
     (streamer,) = plotjuggler.iter('previouslyLoaded_Streamer')
@@ -107,7 +107,7 @@ def test_plotjuggler_shows_fields_that_there_are_and_subscribes_to_them(store, p
     assert set(chosen['selected_topics'].split(';')) == shown
 
 
-def test_plotjuggler_finds_its_areas_and_plots(plotjuggler):
+def test_plotjuggler_layout_has_consistent_areas_and_plots(plotjuggler):
     tabs = plotjuggler.findall('tabbed_widget/Tab')
     assert tabs
     for tab in tabs:

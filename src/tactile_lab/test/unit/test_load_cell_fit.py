@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration of a load cell: the line against exact arithmetic, refusals, and the file."""
+"""Calibration of a load cell: fit compared with exact arithmetic, refusals, parameter file."""
 
 from fractions import Fraction
 import math
@@ -47,12 +47,12 @@ def exact_fit(masses, values, gravity):
     ('masses', 'values'),
     [
         ([0.0, 0.2, 0.5, 1.0], [0.2, 2.13, 5.04, 9.89]),
-        ([0.0, 0.5, 1.0], [1e6, 1e6 + 4.9, 1e6 + 9.8]),  # a large zero
+        ([0.0, 0.5, 1.0], [1e6, 1e6 + 4.9, 1e6 + 9.8]),  # a large offset
         ([0.0, 1e-3, 2e-3], [0.0, 0.0098, 0.0197]),
-        ([0.0, 0.5, 1.0, 2.0], [0.3, -4.6, -9.4, -19.3]),  # turned around
+        ([0.0, 0.5, 1.0, 2.0], [0.3, -4.6, -9.4, -19.3]),  # reversed polarity
     ],
 )
-def test_the_line_is_that_of_exact_arithmetic(masses, values):
+def test_line_equals_the_fit_in_exact_arithmetic(masses, values):
     scale, offset, squares, width, middle = exact_fit(masses, values, 9.81)
     found = fit_load_cell(readings(masses, values), 9.81)
     assert found.scale == pytest.approx(float(scale), rel=1e-9)
@@ -65,8 +65,8 @@ def test_the_line_is_that_of_exact_arithmetic(masses, values):
     assert found.offset_error_n == pytest.approx(sigma * cut, rel=1e-5)
 
 
-def test_stated_uncertainties_cover_the_truth():
-    """Of many calibrations with noise, 68 % are within one standard uncertainty, roughly."""
+def test_uncertainties_have_the_stated_coverage():
+    """About 68 % of many calibrations with noise are within one standard uncertainty."""
     generator = np.random.default_rng(3)
     masses = np.array([0.0, 0.2, 0.5, 1.0, 1.5, 2.0, 1.5, 1.0, 0.5, 0.2, 0.0])
     hits = 0
@@ -74,11 +74,11 @@ def test_stated_uncertainties_cover_the_truth():
         values = (masses * 9.81 + 0.2) / 1.03 + generator.normal(0.0, 0.01, masses.size)
         found = fit_load_cell(readings(masses, values), 9.81)
         hits += abs(found.scale - 1.03) <= found.scale_error
-    # Student's t with nine degrees of freedom: 65.7 %; five standard deviations either way.
+    # With nine degrees of freedom (Student's t) 65.7 % are expected; tolerance: 5 sigma.
     assert abs(hits / 400 - 0.657) < 5 * math.sqrt(0.657 * 0.343 / 400)
 
 
-def test_hysteresis_is_the_largest_difference_between_up_and_down():
+def test_hysteresis_is_the_largest_difference_between_both_directions():
     masses, rising = [0.0, 0.5, 1.0, 0.5, 0.0], [True, True, True, False, False]
     found = fit_load_cell(readings(masses, [0.0, 2.0, 4.0, 2.1, 0.02], rising), 9.80665)
     assert found.hysteresis_n == pytest.approx(abs(found.scale) * 0.1, rel=1e-12)
@@ -88,19 +88,19 @@ def test_hysteresis_is_the_largest_difference_between_up_and_down():
 @pytest.mark.parametrize(
     ('masses', 'values', 'sentence'),
     [
-        ([0.0, 1.0], [0.0, 9.8], '2 different weights are too few'),
+        ([0.0, 1.0], [0.0, 9.8], '2 different weights'),
         ([0.0, 1.0, 1.0, 0.0], [0.0, 9.8, 9.8, 0.0], '2 different weights'),
         ([0.0, 1.0, 2.0], [0.0, 9.8, 5.0], 'from 1 to 2 kg'),
-        ([0.0, 1.0, 2.0], [0.0, -9.8, -9.8], 'does not follow'),
-        ([0.0, 1.0, 2.0], [0.0, 0.0, 0.0], 'does not follow'),
+        ([0.0, 1.0, 2.0], [0.0, -9.8, -9.8], 'wrong direction'),
+        ([0.0, 1.0, 2.0], [0.0, 0.0, 0.0], 'wrong direction'),
     ],
 )
-def test_readings_that_give_no_line_are_refused(masses, values, sentence):
+def test_readings_without_a_valid_line_are_refused(masses, values, sentence):
     with pytest.raises(CalibrationError, match=sentence):
         fit_load_cell(readings(masses, values), 9.81)
 
 
-def test_a_second_is_settled_when_nothing_swings():
+def test_second_is_at_rest_if_the_weight_does_not_swing():
     generator = np.random.default_rng(1)
     noise = generator.normal(0.0, 0.004, 60)
     mean, deviation = settled_mean(5.0 + noise)
@@ -117,7 +117,7 @@ def test_a_second_is_settled_when_nothing_swings():
 
 
 @pytest.mark.parametrize('text', ['', '1,x', '0,1', '0,1,-2', '0,1,nan', '0,0,1'])
-def test_weights_that_are_none_are_refused(text):
+def test_invalid_weights_are_refused(text):
     with pytest.raises(CalibrationError, match='--weights'):
         parse_weights(text)
     assert parse_weights('1,0, 0.5') == (0.0, 0.5, 1.0)
@@ -133,7 +133,7 @@ linear_guide: {ros__parameters: {port: /dev/ttyACM0}}
 """
 
 
-def test_two_values_are_set_and_the_rest_of_the_file_stays(tmp_path):
+def test_parameters_are_set_and_the_rest_of_the_file_is_kept(tmp_path):
     path = tmp_path / 'params.yaml'
     path.write_text(FILE)
     set_parameters(path, 'tendon_sensor', {'scale': 1.03, 'offset_n': -0.2})
@@ -152,7 +152,7 @@ def test_two_values_are_set_and_the_rest_of_the_file_stays(tmp_path):
     'text',
     ['- 1', 'tendon_sensor: 3', 'tendon_sensor: {ros__parameters: [1]}', 'a: &b {c: 1}\nd: *b'],
 )
-def test_a_file_of_another_form_is_left_alone(tmp_path, text):
+def test_file_that_is_no_parameter_file_is_not_changed(tmp_path, text):
     path = tmp_path / 'params.yaml'
     path.write_text(text)
     with pytest.raises(TactileError, match=r'params\.yaml'):
@@ -169,7 +169,7 @@ VALUES = st.recursive(
 
 
 @given(st.dictionaries(NAMES, VALUES, max_size=3), st.booleans())
-def test_any_file_has_just_these_values_changed_or_is_refused(document, flow):
+def test_only_these_values_change_in_any_file_or_it_is_refused(document, flow):
     text = yaml.safe_dump(document, default_flow_style=flow)
     try:
         new = yaml.safe_load(edit_parameters(text, 'tendon_sensor', {'scale': 0.1}))

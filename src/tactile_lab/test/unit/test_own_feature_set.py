@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A feature set in another package: the example of docs/feature_sets.md."""
+"""A feature set in another package: the example in docs/feature_sets.md."""
 
 import dataclasses
 import importlib
@@ -36,7 +36,7 @@ PERIOD_NS = 16_000_000
 
 
 def install(monkeypatch, folder, value='roughness:Roughness', name='roughness'):
-    """Install a distribution as pip does: its module, its metadata, its entry point."""
+    """Install a distribution with module, metadata and entry point, as pip does."""
     if not PAGE.is_file():
         pytest.skip('the packages are not in their own repository: no docs beside them')
     metadata = folder / f'{name}-1.0.dist-info'
@@ -71,7 +71,7 @@ def stream(config, tension_n):
     return extractor.add_block(StrainBlock(0, 0, PERIOD_NS, tension_n)) + extractor.finish()
 
 
-def test_stream_and_arrays_give_the_same_bits(roughness):
+def test_features_of_stream_and_arrays_are_equal(roughness):
     assert list_feature_sets('glide')[-1] == 'roughness'
     assert 'roughness' not in list_feature_sets('hold')
     check_feature_set(find_feature_set('roughness'), roughness)
@@ -85,7 +85,7 @@ def test_stream_and_arrays_give_the_same_bits(roughness):
     assert window.values == pytest.approx([part.std(), np.ptp(part)])
     assert spec.mismatch(spec_for('texture', roughness)) is None
     assert window.specification_digest == spec_for('texture', roughness).digest
-    # Its specification says how a feature node computes it.
+    # With its specification, a feature node can compute the set.
     spec = spec_for('texture', roughness)
     assert spec_for('texture', FeatureConfig(**spec.config_values())) == spec
     extractor = TrialFeatureExtractor(FeatureConfig(), [spec])
@@ -93,7 +93,7 @@ def test_stream_and_arrays_give_the_same_bits(roughness):
     assert 'feature set' in spec.mismatch(spec_for('texture', FeatureConfig(rate_hz=RATE_HZ)))
 
 
-def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
+def test_model_with_an_own_set_works_and_is_refused_if_the_set_is_not_installed(
     roughness, tmp_path, monkeypatch
 ):
     x = np.random.default_rng(0).normal(size=(40, 1, 120))
@@ -126,14 +126,14 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
         ('list', 'builtins:list'),
     ],
 )
-def test_an_entry_point_that_is_no_feature_set_is_refused(monkeypatch, tmp_path, name, value):
+def test_entry_point_that_is_not_a_feature_set_is_refused(monkeypatch, tmp_path, name, value):
     install(monkeypatch, tmp_path / 'site', value, name)
     with pytest.raises(FeatureError, match=value):
         FeatureConfig(texture_features=name)
 
 
 @pytest.mark.parametrize('parameter', ['texture_features', 'stiffness_features'])
-def test_a_set_of_the_other_phase_or_of_nobody_is_refused(parameter):
+def test_set_of_another_phase_or_unknown_set_is_refused(parameter):
     wrong = {'texture_features': 'stiffness_regression', 'stiffness_features': 'texture_spatial'}
     for name in (wrong[parameter], 'nobodys'):
         with pytest.raises(FeatureError, match=f'{parameter} is "{name}"; it must be'):

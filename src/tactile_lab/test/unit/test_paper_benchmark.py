@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The reproduction of the paper: its protocol, and its rules for the paper's statements."""
+"""The reproduction of the paper: its protocol, and the rules that test the paper's statements."""
 
 import importlib
 from pathlib import Path
@@ -14,7 +14,7 @@ if not (REPOSITORY / 'benchmarks').is_dir():
     pytest.skip('the packages are not in their own repository', allow_module_level=True)
 
 PATTERN = {'texture': ([1.0, 0.9, 1.0, 0.98], 0.05), 'stiffness': ([0.99, 0.98, 0.7, 0.975], 0.0)}
-"""Accuracies, and what does not differ, as the paper states them."""
+"""Accuracies of the paper, and its number of features that do not differ."""
 
 
 @pytest.fixture(scope='module')
@@ -30,7 +30,7 @@ def holds(paper):
     return paper['protocol'].make_trials('stiffness', 'flexion', 1)
 
 
-def test_trials_and_features_are_those_of_the_paper(paper, holds):
+def test_trials_and_features_are_as_in_the_paper(paper, holds):
     assert holds.values.shape == (300, 3)
     labels, counts = np.unique(holds.labels, return_counts=True)
     assert set(labels) == {'pla', 'solid_rubber', 'rubber_shell', 'sponge', 'none'}
@@ -38,18 +38,18 @@ def test_trials_and_features_are_those_of_the_paper(paper, holds):
     textures = paper['protocol'].make_trials('texture', 'flexion', 1)
     assert textures.values.shape == (480, 91)
     assert len(set(textures.labels)) == 8
-    # The mean is subtracted, so that 0 Hz has nothing but rounding errors.
+    # The mean was subtracted, so the component at 0 Hz contains only rounding errors.
     assert textures.values[:, 0].max() < 1e-12
 
 
-def test_units_of_force_change_what_is_a_force(paper, holds):
+def test_other_unit_of_force_scales_only_features_with_a_force(paper, holds):
     in_unit = paper['protocol'].in_unit
     scaled = in_unit('stiffness', holds.values, 1e3)
     np.testing.assert_array_equal(scaled, holds.values * [1e3, 1e3, 1.0])
     np.testing.assert_array_equal(in_unit('texture', holds.values, 1e3), holds.values * 1e3)
 
 
-def test_every_repetition_divides_the_trials_again(paper, holds):
+def test_every_repetition_has_different_folds(paper, holds):
     found = paper['protocol'].cross_validate(*holds, scaled=True, repetitions=2)
     assert found.shape == (4, 2)
     assert (found > 0.6).all()
@@ -57,15 +57,15 @@ def test_every_repetition_divides_the_trials_again(paper, holds):
 
 
 @pytest.mark.parametrize('task', PATTERN)
-def test_the_papers_own_numbers_agree_and_others_do_not(paper, task):
+def test_numbers_of_the_paper_agree_with_its_statements_and_others_do_not(paper, task):
     accuracies, alike = map(np.array, PATTERN[task])
     found = [each for each in paper['statements'].STATEMENTS if each.task == task]
     assert len(found) == {'texture': 4, 'stiffness': 3}[task]
     for each in found:
         assert each.agrees(accuracies, alike)
-        # Equal accuracies in the middle and many alike features disagree with all of them.
+        # Equal, medium accuracies and many similar features disagree with all statements.
         assert not each.agrees(np.full(4, 0.9), np.array(5.0))
-        # Several seeds together.
+        # Results of several seeds are judged together.
         both = each.agrees(np.array([accuracies, np.full(4, 0.9)]), np.array([alike, 5.0]))
         assert both.tolist() == [True, False]
 
@@ -75,8 +75,8 @@ def test_contacts_agree_within_three_points(paper):
     assert not paper['statements'].contacts_agree((0.99, 0.95))
 
 
-def test_the_unscaled_rbf_machine_sees_the_intercept_only(paper):
-    """Objects that differ in slope only, while the intercept varies far more."""
+def test_unscaled_rbf_svm_uses_only_the_intercept(paper):
+    """The objects differ only in the slope, although the intercept varies much more."""
     generator = np.random.default_rng(3)
     code = np.repeat([0, 1, 2], 24)
     columns = (
@@ -95,8 +95,8 @@ def test_the_unscaled_rbf_machine_sees_the_intercept_only(paper):
     assert scaled[paper['reproduction'].RBF, 0] > 0.97
 
 
-def test_tables_and_figures_show_every_set_beside_the_paper_and_say_simulated(paper):
-    """Of a few trials: the whole takes minutes."""
+def test_tables_and_figures_show_every_set_beside_the_paper_marked_as_simulated(paper):
+    """Uses few trials, because the complete reproduction takes minutes."""
     few = {}
     reproduction, statements = paper['reproduction'], paper['statements']
     for task in paper['protocol'].TASKS:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording says itself which features were computed, and which models answered."""
+"""A recording contains the specifications of its features, and the models that were used."""
 
 import dataclasses
 import hashlib
@@ -45,7 +45,7 @@ GLIDE = spec_for('texture', FeatureConfig())
 
 @pytest.fixture
 def record(stiffness_bag, tmp_path):
-    """Return a writer of the small recording with further messages, by topic."""
+    """Return a function that writes the small recording with further messages."""
 
     def record(*further, name='bag', **metadata):
         path = tmp_path / name
@@ -69,28 +69,28 @@ def announce(*wanted, **config):
     return SPECIFICATIONS_TOPIC, specifications_to_msg(announced)
 
 
-def test_features_are_those_that_the_node_announced(record):
+def test_recorded_features_are_those_that_the_node_announced(record):
     with TactileBag(record(announce(GLIDE, USUAL, samples_timeout_s=7.0))) as bag:
         features = recorded_features(bag)
         assert nominal_rate_hz(bag) == 60.0
     assert features == RecordedFeatures(FeatureConfig(samples_timeout_s=7.0), (GLIDE, USUAL))
 
 
-def test_a_restart_of_the_node_adds_what_is_new(record):
+def test_restart_of_the_node_adds_new_specifications(record):
     path = record(announce(GLIDE, USUAL), announce(GLIDE, SETTLED), announce(USUAL))
     with TactileBag(path) as bag:
         wanted = recorded_features(bag).wanted
     assert wanted == (GLIDE, USUAL, SETTLED)
 
 
-def test_rates_that_differ_are_no_rate_to_compare_with(record):
+def test_no_rate_is_compared_if_recorded_rates_differ(record):
     fast = spec_for('stiffness', FeatureConfig(rate_hz=100.0))
     with TactileBag(record(announce(USUAL, fast))) as bag:
         assert nominal_rate_hz(bag) == 0.0
 
 
-def test_specifications_of_another_release_give_way_to_those_of_this_one(tmp_path):
-    """Their digests are not those that are computed here."""
+def test_specifications_of_another_release_are_replaced(tmp_path):
+    """The digests of these specifications differ from those of this release."""
     installed = message_store()
     definition, _ = installed.generate_msgdef(SPECIFICATIONS, ros_version=2)
     definition = definition.replace('string digest\n', 'string digest\nstring colour\n')
@@ -132,7 +132,7 @@ def test_parameters_of_another_release_are_ignored(record):
 
 
 @pytest.mark.parametrize('config', ['{"rate_hz": -1.0}', '"red"', '[1]'])
-def test_parameters_that_cannot_be_are_refused(record, config):
+def test_invalid_recorded_parameters_are_refused(record, config):
     topic, message = announce(USUAL)
     message.config = config
     with TactileBag(record((topic, message))) as bag:
@@ -159,7 +159,7 @@ def test_a_recording_with_messages_and_one_with_metadata_are_read_together(recor
     assert len(table) == 30
 
 
-def test_named_features_make_recordings_alike(record, stiffness_bag):
+def test_recordings_can_be_combined_if_a_feature_set_is_named(record, stiffness_bag):
     other = record(announce(USUAL, SETTLED))
     with pytest.raises(BagError, match=r'other feature parameters.*or give --features'):
         read_tables([stiffness_bag, other])
@@ -183,7 +183,7 @@ def record_models(record, folder, tmp_path, **changes):
     return record((MODELS_TOPIC, model_infos_to_msg(ModelInfos(tuple(infos)))), **written_in)
 
 
-def test_models_are_found_by_path_and_content(record, models, tmp_path):
+def test_models_are_found_by_path_and_digest(record, models, tmp_path):
     path = record_models(record, models, tmp_path)
     with TactileBag(path) as bag:
         (info,) = recorded_models(bag)
@@ -209,7 +209,7 @@ def test_models_that_moved_with_the_bag_are_found(record, models, tmp_path):
         assert find_models(bag) == [moved / 'models' / 'any name.npz']
 
 
-def test_several_models_are_gathered_in_one_folder(trained, tmp_path):
+def test_several_models_are_copied_to_one_folder(trained, tmp_path):
     one = trained / 'stiffness_flexion.npz'
     other = tmp_path / one.name
     other.write_bytes(one.read_bytes())
@@ -218,5 +218,6 @@ def test_several_models_are_gathered_in_one_folder(trained, tmp_path):
     folder = gather_models([one, other], scratch)
     assert [file.resolve() for file in sorted(folder.iterdir())] == [one, other]
     assert gather_models([], scratch) is None
-    (info,) = ModelSet.load(folder).infos  # the second is equal; its path is relative to the file
+    # The second model is equal to the first one; its path is relative.
+    (info,) = ModelSet.load(folder).infos
     assert info.path == str(one)

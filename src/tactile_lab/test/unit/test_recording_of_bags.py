@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Our own bags as a recording: read once, and corrected by the journal of their experiment."""
+"""Bags with trial events as a `TrialSet`, corrected by the journal of their experiment."""
 
 import json
 import shutil
@@ -25,7 +25,7 @@ from tactile_ros.topics import EVENT, STRAIN
 from tactile_testing.recordings import check_source
 
 
-def test_a_bag_keeps_what_a_recording_promises(stiffness_bag):
+def test_bag_keeps_the_rules_of_a_source(stiffness_bag):
     check_source(lambda: TrialSet.load(stiffness_bag))
 
 
@@ -55,7 +55,7 @@ def test_trials_have_labels_events_and_signals(stiffness_bag):
         )
 
 
-def test_a_bag_is_opened_once_and_replayed_as_ever(stiffness_bag, opened):
+def test_bag_is_opened_once_and_replayed_with_equal_results(stiffness_bag, opened):
     with TactileBag(stiffness_bag) as bag:
         expected = replay_phases(bag, recorded_features(bag), finish=True).windows
     del opened[:]
@@ -69,10 +69,10 @@ def test_a_bag_is_opened_once_and_replayed_as_ever(stiffness_bag, opened):
 
 
 @pytest.mark.parametrize('where', ['metadata', 'events', 'samples', 'nowhere'])
-def test_a_trial_is_simulated_where_metadata_events_or_samples_say_so(
+def test_trial_is_simulated_if_metadata_events_or_samples_state_it(
     stiffness_bag, rewrite, tmp_path, where
 ):
-    """Bags of `ros2 bag record` have no metadata of ours, and events of others state nothing."""
+    """Bags of `ros2 bag record` lack our metadata, and events of other programs lack the mark."""
 
     def change(type_name, message):
         if type_name == EVENT:
@@ -87,7 +87,7 @@ def test_a_trial_is_simulated_where_metadata_events_or_samples_say_so(
 
 
 def make_experiment(folder, bag, entries):
-    """Put a bag into the folder of an experiment with these entries in its journal."""
+    """Create the folder of an experiment with a bag and these journal entries."""
     (folder / 'bags').mkdir(parents=True)
     shutil.copytree(bag, folder / 'bags' / 's1-01')
     (folder / 'plan.yaml').touch()
@@ -97,8 +97,8 @@ def make_experiment(folder, bag, entries):
     return folder
 
 
-def test_a_bag_of_an_experiment_without_a_trial_is_left_out(stiffness_bag, rewrite, tmp_path):
-    """A run that ends before its first trial leaves such a bag."""
+def test_bag_of_an_experiment_without_trials_is_omitted(stiffness_bag, rewrite, tmp_path):
+    """A call that ends before its first trial writes such a bag."""
     folder = make_experiment(tmp_path / 'one', stiffness_bag, [])
     rewrite(
         stiffness_bag,
@@ -132,7 +132,7 @@ def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_ba
         stated = {trial.name: trial.columns['specimen'] for trial in trials}
     trial_ids, specimens = (table.column(name).tolist() for name in ('trial_id', 'specimen'))
     assert dict(zip(trial_ids, specimens, strict=True)) == stated
-    assert stated.pop(wrong) == other  # which plate it was is not stated
+    assert stated.pop(wrong) == other  # the specimen of the other label is not known
     assert all(specimen.startswith(f'{labels[name]}-') for name, specimen in stated.items())
     split = grouped_split(table, ['specimen'])
     assert split.name == 'one specimen held out'
@@ -155,7 +155,7 @@ def test_features_are_of_the_selected_and_relabelled_trials(stiffness_bag):
         assert again.compute_sha256() == whole.compute_sha256()
 
 
-def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
+def test_journal_of_an_experiment_excludes_and_relabels_trials(stiffness_bag, tmp_path):
     with TrialSet.load(stiffness_bag) as recording:
         ids = [trial.name for trial in recording.trials]
         sessions = {trial.session_id for trial in recording.trials}
@@ -201,7 +201,7 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
         }
     shown = ask_tactile('show', one, '--plot', tmp_path / 'all.svg')
     assert [each['excluded'] for each in shown['trials']] == why_not
-    assert shown['facts']['do not count'] == '3'
+    assert shown['facts']['excluded'] == '3'
     assert 'excluded' in (tmp_path / 'all.svg').read_text()
     (tmp_path / 'recordings.txt').write_text('one\ntwo\n')
     with TrialSet.load(tmp_path / 'recordings.txt') as recording:

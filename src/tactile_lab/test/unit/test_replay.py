@@ -35,7 +35,7 @@ def changed(results, **fields):
     return TactileResults(windows, list(results.classifications))
 
 
-def test_two_passes_are_equal_with_an_answer_to_each_trial(results, stiffness_bag, trained):
+def test_two_replays_are_equal_and_classify_each_trial(results, stiffness_bag, trained):
     assert len(results.windows) == len(results.classifications) == 15
     assert all(c.label for c in results.classifications)
     with TactileBag(stiffness_bag) as bag:
@@ -66,7 +66,7 @@ def test_the_sign_of_a_zero_score_is_reported(results):
     assert 'scores' in compare(with_score(0.0), with_score(-0.0), NAMES).first_difference
 
 
-def test_a_model_for_other_windows_says_so_of_each(stiffness_bag, trained):
+def test_model_for_other_windows_gives_a_reason_for_each_window(stiffness_bag, trained):
     with TactileBag(stiffness_bag) as bag:
         recorded = recorded_features(bag)
         config = dataclasses.replace(recorded.config, stiffness_settle_s=1.0)
@@ -85,7 +85,7 @@ def test_unusable_feature_parameters_are_refused(stiffness_bag):
 
 
 def timed(results, end_ns, **made_at_ns):
-    """Return results, all made long before the end but for those whose place is given."""
+    """Return results that were completed long before the end, except those in ``made_at_ns``."""
     results = TactileResults(list(results.windows), list(results.classifications))
     for items in (results.windows, results.classifications):
         for i, item in enumerate(items):
@@ -101,7 +101,7 @@ def without(results, *places):
     return TactileResults(*left, results.made_at_ns)
 
 
-def test_what_became_complete_at_the_end_need_not_be_recorded(results):
+def test_results_of_the_last_moment_need_not_be_recorded(results):
     end_ns = 10**18
     core = timed(results, end_ns, _13=end_ns - 2 * 10**8, _14=end_ns - 10**8)
     for places in ([14], [13, 14]):
@@ -111,13 +111,13 @@ def test_what_became_complete_at_the_end_need_not_be_recorded(results):
         assert f'{len(places)} feature windows and {len(places)} class' in comparison.left_out
         assert results.windows[14].trial_id in comparison.left_out
         assert 'could not be recorded' in comparison.left_out
-        # The other way round: its samples are not in the recording.
+        # Other way round: a result was recorded, but its last samples were not.
         comparison = compare_with_recorded(core, without(core, *places), end_ns)
         assert comparison.is_equal
         assert 'last samples' in comparison.left_out
 
 
-def test_what_lacks_before_the_end_is_a_difference(results):
+def test_missing_result_before_the_end_is_a_difference(results):
     end_ns = 10**18
     early = timed(results, end_ns)
     late = timed(results, end_ns, _13=end_ns - 2 * 10**8, _14=end_ns - 10**8)
@@ -133,7 +133,7 @@ def test_what_lacks_before_the_end_is_a_difference(results):
 
 
 def record_from(source, target, begin_ns):
-    """Record again later: the earlier latched events arrive first, all together."""
+    """Copy a bag from a later start. Earlier latched events arrive first, all together."""
     with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
         for topic in bag.stored_topics:
             writer.add_stored_topic(topic)
@@ -146,7 +146,7 @@ def record_from(source, target, begin_ns):
 
 @pytest.mark.parametrize(
     ('phase', 'after_ns'),
-    # A block of samples that was under way in the fourth trial; and within its hold.
+    # The recording begins after the third trial (within a block), or in the hold of the fourth.
     [('done', 2 * 10**8), ('hold', 2 * 10**9)],
 )
 def test_a_recording_that_begins_after_some_trials_replays_equal(

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robustness study of the benchmarks uses trials of the simulator."""
+"""The robustness study in the benchmarks uses the trials of the simulator."""
 
 from dataclasses import replace
 import importlib
@@ -42,7 +42,7 @@ def trials(study, catalogue):
     return make_trials(study, catalogue, 'pla')
 
 
-def test_usual_conditions_are_the_simulators_bit_for_bit(study, trials, catalogue):
+def test_default_conditions_equal_the_simulator_bit_for_bit(study, trials, catalogue):
     expected = simulate_trials(
         'stiffness', 'pla', 'flexion', trials.planned.timeline, 3, 7, catalogue=catalogue
     )
@@ -55,16 +55,16 @@ def test_features_are_those_of_a_bag(study, trials, stiffness_bag):
     (table,) = read_tables([stiffness_bag]).values()
     of_pla = table.values[table.labels == 'pla']
     rows = trials.extract(study.USUAL)
-    # Stamps count from another beginning, in whole nanoseconds.
+    # The tolerance is necessary, because stamps in the bag are rounded to nanoseconds.
     np.testing.assert_allclose(np.array(rows), of_pla, rtol=1e-7)
 
 
-def test_losses_differ_from_label_to_label(study, catalogue, trials):
+def test_lost_samples_differ_between_labels(study, catalogue, trials):
     other = make_trials(study, catalogue, 'sponge')
     assert len({t.draw_losses(i, 1)[0] for t in (trials, other) for i in range(3)}) == 6
 
 
-def test_lost_samples_cost_windows_unless_gaps_are_bridged(study, trials):
+def test_lost_samples_refuse_windows_unless_gaps_are_interpolated(study, trials):
     lossy = study.Setting('lost', 0.05, lost=0.05)
     assert trials.extract(lossy) == [None] * 3
     bridged = trials.extract(replace(lossy, max_gap_samples=5))
@@ -73,7 +73,7 @@ def test_lost_samples_cost_windows_unless_gaps_are_bridged(study, trials):
     assert not np.array_equal(np.array(bridged), np.array(whole))
 
 
-def test_sessions_differ_and_another_depth_is_simulated_anew(study, catalogue):
+def test_sessions_differ_and_another_depth_is_simulated(study, catalogue):
     small = study.Study(train_sessions=1, test_sessions=1, train_trials=2, test_trials=1)
     ((usual, test),) = study.make_features(
         small, catalogue, 'stiffness', [study.Setting('a', 1.0)]

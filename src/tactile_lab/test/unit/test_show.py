@@ -36,7 +36,7 @@ def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path):
     facts = list(found['facts'])
     assert facts[:4] == ['trials', 'task', 'rate', 'duration']
     assert [found['facts'][name] for name in facts[:3]] == ['15', 'stiffness', '60 Hz']
-    # From the first event to the last: the trials, and what is between them.
+    # The duration includes the time between the trials.
     total_s = sum(entry['seconds'] for entry in found['trials'])
     assert float(found['facts']['duration'].split()[0]) > total_s
     said = hear_tactile('show', stiffness_bag)
@@ -64,7 +64,7 @@ def test_archive_of_one_trial_is_enough(tmp_path):
     assert 'must end in .png, .svg or .pdf' in refusal(path, '--plot', tmp_path / 'one.txt')
 
 
-def test_table_numbers_trials_as_the_plot_does_and_has_room(tmp_path):
+def test_trial_numbers_equal_those_of_plot_and_columns_are_hidden_if_necessary(tmp_path):
     path = tmp_path / 'two.npz'
     x = np.sin(np.arange(600.0)).reshape(2, 1, 300)
     columns = {'label': ['R1', 'C1'], 'trial': ['lab/07.csv', 'lab/03.csv'], 'day': [2, 2]}
@@ -95,14 +95,14 @@ def test_model_has_a_card_with_its_limits(tmp_path, sessions):
     error = f'{100 * manifest.confidence.calibration_error_after:.1f} % after'
     assert error in facts['calibration error']
     assert any('No sessions' in limit for limit in found['limits']) == (sessions == 1)
-    # The output is the card in the file.
+    # The command prints the card in the file.
     assert found['card'] == load_model(path).card
     printed = tactile('show', path).stdout
     assert found['card'].strip() in printed
     assert found['model_id'] in printed
 
 
-def test_untrusted_card_is_shown_as_text_and_not_as_markup(tmp_path):
+def test_model_card_is_printed_as_text_and_not_as_markup(tmp_path):
     labels = np.repeat(['[red]pla[/red]', '[link=x]sponge'], 36)
     values = np.random.default_rng(2).normal(size=(72, 3)) + (labels == labels[0])[:, None]
     spec = spec_for('stiffness', FeatureConfig())
@@ -111,7 +111,7 @@ def test_untrusted_card_is_shown_as_text_and_not_as_markup(tmp_path):
     assert 'any contact: [link=x]sponge, [red]pla[/red]' in tactile('show', path).stdout
 
 
-def test_names_are_neither_markup_nor_orders_to_the_terminal(tmp_path):
+def test_names_are_printed_without_markup_and_control_characters(tmp_path):
     path = tmp_path / '[red] a :rat:.npz'
     x = np.random.default_rng(0).normal(size=(8, 60))
     labels = ['[/b]', '\x1b[2J'] * 4

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The picture of one simulated trial, a program of the documentation."""
+"""The script docs/trial_picture.py, which draws one simulated trial."""
 
 from pathlib import Path
 import runpy
@@ -30,14 +30,14 @@ def picture_of(protocol, contact='flexion'):
 
 
 @pytest.mark.parametrize('contact', ['flexion', 'abduction'])
-def test_the_finger_hangs_free_at_rest_and_is_carried_along_the_plate(contact):
+def test_finger_is_free_at_rest_and_moves_along_the_plate(contact):
     picture = picture_of('texture', contact)
     finger = picture.catalogue.finger(contact)
     top_m = surface_drop_m(finger)
     gaps_m = [top_m - shape.curve_m[-1, 1] - finger.tip_radius_m for shape in picture.shapes]
     assert [shape.moment for shape in picture.shapes] == ['at rest', 'start', 'middle', 'end']
     assert gaps_m[0] > 5e-3
-    # Pressed in by less than a millimetre, and at most a groove's depth down.
+    # The finger is pressed in by less than 1 mm, plus at most the depth of a groove.
     assert all(-2e-3 < gap < 0.0 for gap in gaps_m[1:])
     bases_m = [shape.curve_m[0] for shape in picture.shapes]
     start_m, length_m = CONFIG.guide_start_m, CONFIG.glide_length_m
@@ -49,7 +49,7 @@ def test_the_finger_hangs_free_at_rest_and_is_carried_along_the_plate(contact):
     ('protocol', 'last'),
     [('texture', 'amplitude [mN]'), ('stiffness', 'true contact force [N]')],
 )
-def test_figure_says_that_it_is_simulated_and_what_it_shows(protocol, last):
+def test_figure_is_marked_as_simulated_and_labelled(protocol, last):
     picture = picture_of(protocol)
     figure = draw_picture(picture)
     (title,) = (text.get_text() for text in figure.texts)

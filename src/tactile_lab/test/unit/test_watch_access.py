@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Access to the live page, and to the rig through it."""
+"""Access rules of the live page."""
 
 import json
 
@@ -33,7 +33,7 @@ def test_any_text_is_a_command_or_refused(text):
         st.sampled_from([*ACTIONS, 'texture', 'flexion']) | st.text(max_size=8) | st.none(),
     ),
 )
-def test_any_object_is_a_command_or_refused_and_a_stop_alone_needs_no_token(action, document):
+def test_any_object_is_a_command_or_refused_and_only_stop_needs_no_token(action, document):
     document = {'do': action, **document}
     try:
         command = read_command(json.dumps(document))
@@ -52,7 +52,7 @@ def test_any_object_is_a_command_or_refused_and_a_stop_alone_needs_no_token(acti
         *('[' * 4000, '"' + 'x' * 5000 + '"', json.dumps({'do': 'x' * 201})),
     ],
 )
-def test_what_is_no_command_is_refused(text):
+def test_invalid_commands_are_refused(text):
     with pytest.raises(CommandError):
         read_command(text)
 
@@ -60,7 +60,7 @@ def test_what_is_no_command_is_refused(text):
 @pytest.mark.parametrize(
     'host', ['127.0.0.1:8642', 'localhost:8642', '[::1]:8642', 'LAB-PC:8642', '10.0.0.7:8642']
 )
-def test_our_own_hosts_and_origins_are_served(host):
+def test_own_hosts_and_origins_are_served(host):
     assert ACCESS.refuse_request(host, None, is_socket=False) is None
     assert ACCESS.refuse_request(host, f'http://{host}', is_socket=True) is None
 
@@ -87,6 +87,6 @@ def test_foreign_origins_get_no_socket(origin):
 
 
 @given(st.text(max_size=60), st.none() | st.text(max_size=60))
-def test_any_headers_are_judged(host, origin):
+def test_any_headers_are_accepted_or_refused(host, origin):
     if not ACCESS.refuse_request(host, origin, is_socket=True):
         assert origin == f'http://{host}'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The points of the live plot: no spike is lost, however samples come in blocks."""
+"""The points of the live plot: no spike is lost, for any division of samples into blocks."""
 
 import math
 
@@ -17,7 +17,7 @@ RATES_HZ = st.sampled_from([1.0, 60.0, 150.0, 199.0, 200.0, 201.0, 1000.0, 7000.
 
 
 def blocks_of(tension_n, period_ns, cuts, *, start_ns=0, lost=()):
-    """Return the samples in blocks that end at ``cuts``, without those whose index is lost."""
+    """Return blocks that end at ``cuts``, without the samples whose index is in ``lost``."""
     stamps = start_ns + np.arange(len(tension_n)) * period_ns
     ends = sorted({*cuts, *lost, *(i + 1 for i in lost), len(tension_n)} - {0})
     blocks, begin = [], 0
@@ -45,7 +45,7 @@ def signals(draw):
 
 
 @given(signals())
-def test_blocks_do_not_matter_and_every_bucket_keeps_its_extremes(signal):
+def test_points_do_not_depend_on_blocks_and_keep_the_extremes_of_each_bucket(signal):
     tension_n, period_ns, cuts, start_ns = signal
     points = points_of(blocks_of(tension_n, period_ns, cuts, start_ns=start_ns))
     assert points == points_of(blocks_of(tension_n, period_ns, [], start_ns=start_ns))
@@ -63,7 +63,7 @@ def test_blocks_do_not_matter_and_every_bucket_keeps_its_extremes(signal):
 
 
 @given(signals(), st.sets(st.integers(0, 149), max_size=5))
-def test_the_line_breaks_at_each_run_of_lost_samples(signal, lost):
+def test_line_has_a_gap_wherever_samples_are_lost(signal, lost):
     tension_n, period_ns, cuts, _ = signal
     lost = {i for i in lost if 0 < i < len(tension_n) - 1}
     points = points_of(blocks_of(tension_n, period_ns, cuts, lost=lost))
@@ -73,7 +73,7 @@ def test_the_line_breaks_at_each_run_of_lost_samples(signal, lost):
     assert stamps == sorted(stamps)
 
 
-def test_a_spike_of_one_sample_at_7_khz_is_seen():
+def test_spike_of_one_sample_at_7_khz_is_kept():
     tension_n = [math.sin(i / 500) for i in range(7000)]
     tension_n[3456] = 25.0
     points = points_of(blocks_of(tension_n, round(1e9 / 7000), range(7, 7000, 7)))
@@ -81,7 +81,7 @@ def test_a_spike_of_one_sample_at_7_khz_is_seen():
     assert len(points) <= 202
 
 
-def test_an_older_block_gives_nothing():
+def test_older_block_is_ignored():
     decimator = Decimator()
     new = StrainBlock(10**9, 60, 16_666_667, np.array([1.0]))
     assert len(decimator.add(new)) == 1
@@ -90,7 +90,7 @@ def test_an_older_block_gives_nothing():
 
 @pytest.mark.parametrize('rate_hz', [60.0, 1000.0])
 @pytest.mark.parametrize('value', [math.nan, math.inf])
-def test_the_line_breaks_where_a_sample_is_no_number(rate_hz, value):
+def test_line_has_a_gap_where_a_sample_is_nan(rate_hz, value):
     tension_n = [1.0, 2.0, 3.0] * 20
     tension_n[31] = value
     points = points_of(blocks_of(tension_n, round(1e9 / rate_hz), [10, 32, 40]))

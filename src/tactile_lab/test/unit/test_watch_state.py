@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""State of the live page, from records only."""
+"""State of the live page, without ROS."""
 
 import dataclasses
 import json
@@ -80,7 +80,7 @@ def take_events(state, *events):
         state.update('', Finger.take_event, each)
 
 
-def test_frames_hold_each_point_once_and_the_state_when_it_changes(state, clock):
+def test_frames_contain_each_point_once_and_the_state_if_it_changed(state, clock):
     frames = Frames(state)
     first = frames.next()
     assert first['state']['fingers'] == []
@@ -101,7 +101,7 @@ def test_frames_hold_each_point_once_and_the_state_when_it_changes(state, clock)
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(1, 70)), max_size=30))
-def test_pages_that_follow_and_pages_that_come_late_see_the_same(steps):
+def test_early_and_late_pages_get_the_same_points(steps):
     state = WatchState(clock=Clock())
     frames, seen, number = Frames(state), [], 0
     for kind, count in steps:
@@ -119,7 +119,7 @@ def test_pages_that_follow_and_pages_that_come_late_see_the_same(steps):
     json.dumps(frame, allow_nan=False)
 
 
-def test_a_trial_is_followed_from_contact_to_label(state):
+def test_state_follows_a_trial_from_contact_to_label(state):
     take_blocks(state, block(0, np.zeros(600)))
     take_events(state, event(60, 'approach'), event(120, 'contact'), event(180, 'glide'))
     (finger,) = state.describe()['fingers']
@@ -152,7 +152,7 @@ def test_a_trial_is_followed_from_contact_to_label(state):
         (answer(trial='another'), None, 'R1            (0.90 probability)'),
     ],
 )
-def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, right, line):
+def test_prediction_is_only_compared_if_the_trial_has_a_label(state, result, right, line):
     lines = []
     state.on_answer = lambda *what: lines.append(what)
     take_events(state, event(0, 'glide'))
@@ -169,7 +169,7 @@ def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, 
         assert len(lines) == 1
 
 
-def test_a_line_names_its_model_where_several_answer_the_same_question(state):
+def test_line_names_the_model_if_several_models_have_the_task_and_contact(state):
     def model(name, task, contact):
         return ModelInfo(name, '', '', task, contact, (), '', 0, True)
 
@@ -180,12 +180,12 @@ def test_a_line_names_its_model_where_several_answer_the_same_question(state):
         state.update('', Finger.take_models, [*models, *more])
         state.take_answer('', answer(model='a'))
     assert ['  a  ' in line for line in lines] == [False, False, True]
-    for name in 'ba':  # the newest comes last
+    for name in 'ba':  # the newest prediction is the last one
         state.take_answer('', answer(model=name))
     assert [a['model'] for a in state.describe()['fingers'][0]['answers']] == ['b', 'a']
 
 
-def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_window():
+def test_spectrum_is_computed_from_last_seconds_phase_or_window():
     finger = Finger('')
     assert finger.spectrum() is None
     tension_n = 3.0 + 0.1 * np.sin(2 * np.pi * 10.0 * np.arange(600) / 60.0)
@@ -211,7 +211,7 @@ def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_
     assert finger.spectrum()['part'] == 'last 3 s'
 
 
-def test_a_stiffness_finger_shows_its_hold_with_the_fitted_line(state, clock):
+def test_stiffness_finger_shows_the_hold_with_the_fitted_line(state, clock):
     assert 'spectrum' in Finger('').detail()
     time_s = np.arange(600) * PERIOD_NS * 1e-9
     # The hold begins after 2 s; the tension relaxes by 0.2 N/s.
@@ -247,7 +247,7 @@ def test_a_stiffness_finger_shows_its_hold_with_the_fitted_line(state, clock):
     assert 'spectrum' in finger.detail()
 
 
-def test_a_finger_names_its_object_and_session_and_whether_there_are_models(state):
+def test_finger_states_object_session_and_whether_there_are_models(state):
     take_blocks(state, block(0))
     take_events(state, event(1, 'contact'))
     (finger,) = state.describe()['fingers']
@@ -258,7 +258,7 @@ def test_a_finger_names_its_object_and_session_and_whether_there_are_models(stat
     assert finger['has_models']
 
 
-def test_phases_have_the_colours_of_show():
+def test_phases_have_the_colours_of_tactile_show():
     css = Path(watch.__file__).with_name('page').joinpath('page.css').read_text()
     shown = dict(re.findall(r'--(approach|contact|glide|hold|release|return): (#\w{6})2e;', css))
     grey = PHASE_COLOURS[None]
@@ -277,7 +277,7 @@ def test_a_spectrum_needs_16_samples_since_the_last_gap():
     assert len(finger.spectrum()['values']) == 16 // 2 + 1
 
 
-def test_spectra_come_five_times_a_second(state, clock):
+def test_spectra_are_sent_five_times_per_second(state, clock):
     frames, count = Frames(state), 0
     for number in range(60):
         clock.now_s += 1 / 60
@@ -287,7 +287,7 @@ def test_spectra_come_five_times_a_second(state, clock):
     assert count <= 1 / SPECTRUM_PERIOD_S + 1
 
 
-def test_a_fast_sensor_fills_its_buffers_again_and_again():
+def test_buffers_of_a_fast_sensor_have_a_limited_size():
     finger = Finger('')
     period_ns = round(1e9 / 7000)
     generator = np.random.default_rng(1)
@@ -301,7 +301,7 @@ def test_a_fast_sensor_fills_its_buffers_again_and_again():
     assert len(finger.points_since(0)[0]) <= 3600
 
 
-def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
+def test_clock_step_begins_a_new_epoch_and_a_repeated_block_does_not(state):
     frames = Frames(state)
     take_blocks(state, *map(block, range(600, 610)))
     epoch = frames.next()['live']['']['epoch']
@@ -314,7 +314,7 @@ def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
     assert Frames(state).next()['live']['']['y'] == [5.0]
 
 
-def test_silent_sensors_and_devices_are_told(state, clock):
+def test_silent_sensors_and_devices_are_reported(state, clock):
     take_blocks(state, block(0, status=StrainStatus.SATURATED))
     state.take_health('tendon_sensor', 0, 'samples arrive', {})
     state.take_readiness('linear_guide', ['Home the guide.'])
@@ -347,7 +347,7 @@ def test_untrusted_messages_cannot_fill_the_memory(state):
     assert len(description['said']) <= 30
 
 
-def test_a_sample_that_is_no_number_breaks_the_line_and_keeps_the_spectrum_away(state):
+def test_nan_sample_causes_a_gap_and_prevents_the_spectrum(state):
     for number in range(200):
         value = np.nan if number == 100 else 1.0 + 0.1 * (number % 5)
         take_blocks(state, block(number, (value,)))

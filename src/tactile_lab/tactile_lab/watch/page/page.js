@@ -1,5 +1,5 @@
 'use strict';
-/* The live page: frames come in over one WebSocket, commands go out. */
+/* The live page. It receives frames over a WebSocket, and sends commands over it. */
 
 (() => {
   const $ = (id) => document.getElementById(id);
@@ -7,13 +7,13 @@
   const protocols = [...new Set(['tactile', token])].filter((name) => /^[\w-]+$/.test(name));  // WebSocket rejects other names
   const fingers = new Map();
   const SILENT_MS = 1500;
-  const RETRY_MS = 5000;  // a silent connection is replaced after this time
-  const CONFIRMED_MS = 20000;  // time for which a confirmed stop is shown
+  const RETRY_MS = 5000;  // if nothing is received for this time, the page connects again
+  const CONFIRMED_MS = 20000;  // time for which the confirmation of Stop is shown
   let state = null;
   let socket = null;
   let heard = -Infinity;  // time of the last frame
   let tried = 0;  // time of the last attempt to connect
-  let stopped = null;  // the last stop from this page
+  let stopped = null;  // the last Stop that was pressed on this page
   let dirty = false;
 
   function set(element, text) {
@@ -70,7 +70,7 @@
         trial.contact, `trial ${trial.id}`] : [];
       this.find('.about').hidden = !about.length;
       set(this.find('.about'), about.filter(Boolean).join(' \u00b7 '));
-      // Without models there is no answer to wait for.
+      // Without models there are no predictions, so the panel is hidden.
       this.find('.answer').hidden = !finger.has_models;
       this.find('.panels').classList.toggle('single', !finger.has_models);
       this.showAnswer(finger, trial);
@@ -82,20 +82,20 @@
       const label = this.find('.label');
       const verdict = this.find('.verdict');
       if (!answer) {
-        set(this.find('.task'), 'Answer');
+        set(this.find('.task'), 'Prediction');
         set(label, '\u2013');
-        set(verdict, trial && trial.runs ? 'a trial runs' : 'no answer yet');
+        set(verdict, trial && trial.runs ? 'trial in progress' : 'no prediction yet');
         return;
       }
       const old = Boolean(trial && trial.runs && trial.id !== answer.trial);
       panel.classList.toggle('old', old);
-      const words = [answer.task, answer.contact, `from ${answer.seconds} s of tension`];
-      set(this.find('.task'), (old ? 'Before: ' : '') + words.filter(Boolean).join(', '));
+      const words = [answer.task, answer.contact, `window of ${answer.seconds} s`];
+      set(this.find('.task'), (old ? 'Previous trial: ' : '') + words.filter(Boolean).join(', '));
       label.classList.toggle('unknown', answer.outcome !== 'label');
-      set(label, { label: answer.label, unknown: 'unknown', no_features: 'no answer' }[answer.outcome]);
+      set(label, { label: answer.label, unknown: 'unknown', no_features: 'no prediction' }[answer.outcome]);
       verdict.className = `verdict ${answer.right === true ? 'right' : answer.right === false ? 'wrong' : ''}`;
-      if (answer.right === true) set(verdict, '\u2713 as stated for the trial');
-      else if (answer.right === false) set(verdict, `\u2717 stated for the trial: ${answer.true}`);
+      if (answer.right === true) set(verdict, '\u2713 correct');
+      else if (answer.right === false) set(verdict, `\u2717 wrong, it is ${answer.true}`);
       else set(verdict, answer.outcome === 'label' ? '' : answer.reason);
       this.showScores(answer);
       const notes = [`model ${answer.model}${answer.simulated ? ', SIMULATED' : ''}`];
@@ -134,7 +134,7 @@
         plot.draw(data);
         set(this.find('.quantity'), isHold ? 'Tension [N] over time in the hold [s]' : 'Amplitude [mN] over frequency [Hz]');
         const empty = isHold ? 'no hold yet' : 'too few samples yet';
-        const line = isHold && data ? `, line of ${data.slope_n_s} N/s` : '';
+        const line = isHold && data ? `, slope ${data.slope_n_s} N/s` : '';
         set(this.find('.part'), data ? data.part + line : empty);
         this.newDetail = null;
       }
@@ -142,7 +142,7 @@
       set(this.find('.tension'), last === null ? '\u2013' : last.toFixed(2).replace(/^-(0\.0*)$/, '$1'));
     }
 
-    /* Why the trial was aborted, whoever runs it; otherwise the last message about this finger. */
+    /* Show why the trial was aborted, or else the last log message about this finger. */
     showLast(said) {
       const trial = this.state.trial;
       const line = trial && trial.message ? { level: 'error', text: `trial aborted: ${trial.message}` }
@@ -154,20 +154,20 @@
       set(element, line.text.replace(/ {2,}/g, ' \u00b7 '));
     }
 
-    /* What the plots show, in words. */
+    /* Set the text alternatives of the plots. */
     namePlots() {
       const range = this.tension.range;
       const trial = this.state && this.state.trial;
       const words = range === null ? 'no samples'
         : `now ${this.find('.tension').textContent} N, from ${range[0].toFixed(2)} to ${range[1].toFixed(2)} N`;
       name(this.find('.tension-plot'), `Tension of the last 10 seconds: ${words}; ${trial ? trial.phase : 'no trial'}`);
-      name(this.find('.hold-plot'), `Tension in the hold with its line: ${this.find('.part').textContent}`);
+      name(this.find('.hold-plot'), `Tension in the hold with fitted line: ${this.find('.part').textContent}`);
       const peak = this.spectrum.peak;
       name(this.find('.spectrum-plot'), `Amplitude over frequency, ${this.find('.part').textContent}: `
         + (peak ? `largest ${peak.value.toFixed(1)} mN at ${peak.hz.toFixed(1)} Hz` : 'nothing yet'));
     }
 
-    /* What is wrong with the signal, with its remedy; the health of the sensor says it best. */
+    /* Show faults of the signal. If no samples arrive, show the diagnostics of the sensor, which have the remedy. */
     showFault(devices) {
       const sentences = [...(this.state ? this.state.faults : [])];
       if (this.heard === null || performance.now() - this.heard > SILENT_MS) {
@@ -183,13 +183,13 @@
     }
   }
 
-  /* ---- everything else ---- */
+  /* ---- the whole page ---- */
 
   function takeState(next) {
     state = next;
     const names = new Set(state.fingers.map((f) => f.name));
     for (const [name, finger] of fingers) {
-      if (!names.has(name)) { finger.root.remove(); fingers.delete(name); }  // of an earlier server
+      if (!names.has(name)) { finger.root.remove(); fingers.delete(name); }  // it was known only to an earlier server
     }
     for (const finger of state.fingers) {
       if (!fingers.has(finger.name)) fingers.set(finger.name, new Finger(finger.name));
@@ -211,14 +211,14 @@
     showButtons();
   }
 
-  /* The latched state of Stop, whoever has stopped the rig. */
+  /* Show the rigs that are stopped, also if another page has stopped them. */
   function showStopped() {
     const element = $('stopped');
     if (!element.hidden && !state.stopped.length) stopped = null;  // it was reset
     element.hidden = !state.stopped.length;
     enableReset();
     set(element, state.stopped.map((rig) => `Stopped${rig.finger ? ` (${rig.finger})` : ''}: ${rig.reason}. `
-      + 'Nothing tightens or moves until Reset.').join(' '));
+      + 'Guides do not move and tendons are not tightened until Reset.').join(' '));
   }
 
   function enableReset() {
@@ -265,7 +265,7 @@
     which.hidden = names.length < 2;
     const can = (chosen() || { can: [] }).can;
     $('release').hidden = !(token && state.can_release);
-    $('reset').hidden = !(token && (state.can_release || state.stopped.length));  // a stop must not move other buttons
+    $('reset').hidden = !(token && (state.can_release || state.stopped.length));  // always shown if the rig can be stopped, so that other buttons do not move
     for (const action of ['tare', 'home', 'trial']) {
       $(action).hidden = !(token && can.includes(action));
     }
@@ -277,7 +277,7 @@
     return true;
   }
 
-  /* A stop is sent even where the connection is silent: it may be heard yet. */
+  /* Stop is sent even if nothing is received, because the server may still receive it. */
   function stop() {
     $('ask').close();
     stopped = { id: String(Math.random()), at: performance.now(), level: '', text: '' };
@@ -289,17 +289,17 @@
     const element = $('outcome');
     const age = stopped ? performance.now() - stopped.at : Infinity;
     element.hidden = !stopped || (stopped.level === 'ok' && age > CONFIRMED_MS);
-    // A confirmed stop often ends the program that serves this page: one sentence instead of two.
+    // A confirmed Stop often ends the program that serves this page. In this case, only one message is shown.
     const isOff = document.body.classList.contains('off');
     const ended = isOff && !element.hidden && stopped.level === 'ok';
     $('cut').hidden = !isOff || ended;
     if (element.hidden) return;
     let { level, text } = stopped;
-    if (ended) text += ' The page has lost its connection since: for another stop use the switch of the rig.';
+    if (ended) text += ' The page has lost its connection after this. To stop again, use the switch of the rig.';
     if (!stopped.sent) {
       [level, text] = ['error', 'Stop was not sent: this page is not connected. Use the switch of the rig.'];
     } else if (!level && age <= SILENT_MS) {
-      text = 'Stop is sent and not confirmed yet.';
+      text = 'Stop was sent, but is not confirmed yet.';
     } else if (!level) {
       [level, text] = ['error', 'Stop is not confirmed. Use the switch of the rig.'];
     }
@@ -326,7 +326,7 @@
     $('objects').replaceChildren(...labels.map((label) => new Option(label, label)));
   }
   $('protocol').addEventListener('change', offerObjects);
-  $('trial').addEventListener('click', () => { offerObjects(); $('ask').show(); });  // not modal: Stop stays
+  $('trial').addEventListener('click', () => { offerObjects(); $('ask').show(); });  // not modal, so that Stop can be pressed
   $('cancel').addEventListener('click', () => $('ask').close());
   $('go').addEventListener('click', () => {
     $('ask').close();
@@ -373,7 +373,7 @@
     });
   }
 
-  /* A frozen server, or a network that is gone, closes nothing: it only falls silent. */
+  /* If the server hangs or the network fails, the WebSocket is not closed; only frames are missing. */
   function checkLink() {
     const now = performance.now();
     if (now - Math.max(heard, tried) > SILENT_MS) showLink(false);
@@ -381,7 +381,7 @@
     showOutcome();
   }
 
-  /* The bar stays in sight above the keyboard of a phone, and when the page is zoomed in. */
+  /* Keep the bar visible above the keyboard of a phone, and when the page is zoomed in. */
   function keepBarInSight() {
     const seen = visualViewport;
     const isCovered = seen.scale > 1.01 || seen.height < innerHeight - 1;
@@ -407,7 +407,7 @@
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
     for (const finger of fingers.values()) { finger.tension.build(); finger.spectrum.build(); finger.hold.build(); }
   });
-  addEventListener('hashchange', () => location.reload());  // another token
+  addEventListener('hashchange', () => location.reload());  // the address has another token
   visualViewport.addEventListener('resize', keepBarInSight);
   visualViewport.addEventListener('scroll', keepBarInSight);
   keepBarInSight();

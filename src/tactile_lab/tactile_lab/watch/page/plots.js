@@ -15,7 +15,7 @@ function axis(extra) {
   };
 }
 
-/* Returns options that both plots share; no cursor, no legend: nothing on them can be clicked. */
+/* Returns the common options of all plots. They have no cursor and no legend, because they are not interactive. */
 function options(element, more) {
   return {
     width: Math.max(120, element.clientWidth), height: element.clientHeight,
@@ -31,7 +31,7 @@ function follow(element, plot) {
   return observer;
 }
 
-/* At least 0.2 N high, so that the noise of a free finger does not look like a signal. */
+/* Returns a range of at least 0.2 N, so that the noise of an unloaded finger does not look like a signal. */
 function tensionRange(low, high) {
   if (low === null || high === null || !isFinite(low) || !isFinite(high)) return [-0.1, 0.1];
   const missing = Math.max(0, 0.2 - (high - low)) / 2;
@@ -64,7 +64,7 @@ class TensionPlot {
     this.draw();
   }
 
-  /* The phases of the trial as coloured ground, and a bracket under the window that was classified. */
+  /* Draws the phases of the trial as coloured background, and a bar below the window that was classified. */
   shade(u) {
     const { ctx, bbox } = u;
     const place = (t) => Math.min(bbox.left + bbox.width, Math.max(bbox.left, u.valToPos(t, 'x', true)));
@@ -108,7 +108,7 @@ class TensionPlot {
 
   get now() { return this.x.length ? this.x[this.x.length - 1] : 0; }
 
-  /* Lowest and highest tension that is shown; null: none. */
+  /* Lowest and highest displayed tension; null if there is none. */
   get range() {
     const seen = this.y.filter((value) => value !== null);
     return seen.length ? [seen.reduce((a, b) => Math.min(a, b)), seen.reduce((a, b) => Math.max(a, b))] : null;
@@ -151,7 +151,7 @@ class SpectrumPlot {
     this.draw(this.spectrum);
   }
 
-  /* The largest line but that of the mean. */
+  /* The largest component of the spectrum, except the mean. */
   get peak() {
     if (!this.spectrum || this.spectrum.values.length < 2) return null;
     const values = this.spectrum.values.slice(1);
@@ -164,12 +164,12 @@ class SpectrumPlot {
     this.spectrum = spectrum;
     const values = (spectrum ? spectrum.values : []).map((v) => 1000 * v);
     const high = Math.max(2, ...values) * 1.1;
-    this.high = isOther ? high : Math.max(high, 0.8 * this.high);  // it decreases slowly, so that the eye can follow
+    this.high = isOther ? high : Math.max(high, 0.8 * this.high);  // the range decreases slowly, so that the plot does not jump
     this.plot.setData([values.map((_, k) => k * spectrum.step_hz), values]);
   }
 }
 
-/* The tension of a hold, and the least-squares line of its window. */
+/* The tension during a hold, and the least-squares line of its feature window. */
 class HoldPlot {
   constructor(element) {
     this.element = element;
