@@ -120,7 +120,7 @@ def test_import_names_other_columns_that_can_be_held_out(tmp_path):
     np.savez(tmp_path / 'rigs.npz', **arrays, rig=np.arange(16) % 4)
     found = ask_tactile('import', tmp_path / 'rigs.npz', '-o', tmp_path / 'a.npz')
     assert '--group' not in found['next']
-    assert found['remarks'][0].endswith('does one divide the trials: --group rig?')
+    assert found['remarks'][0].endswith('hold them out: --group rig')
     groups = {'specimen': label, 'day': np.arange(16) % 4, 'subject': np.arange(16) % 2}
     np.savez(tmp_path / 'groups.npz', **arrays, **groups)
     found = ask_tactile('import', tmp_path / 'groups.npz', '-o', tmp_path / 'b.npz')

@@ -75,7 +75,7 @@ def test_unknown_object_of_a_simulated_rig_is_refused_before_the_folder_is_creat
     assert '--protocol stiffness' in said
     assert not plan.exists()
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,oak')
-    assert 'oak: only for your rig' in said
+    assert 'oak: only for a real rig' in said
     assert "unknown texture plate 'oak'" in hear_tactile(
         'experiment', plan, '--simulated', '--yes', code=2
     )

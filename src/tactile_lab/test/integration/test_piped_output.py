@@ -197,7 +197,7 @@ def test_on_a_terminal_names_and_paths_are_not_broken(run_all, name, folder, wid
     if name == 'show-row':  # a column of the archive, which a narrow terminal hides
         expected = [text for text in expected if text != PORT or width > 80]
         assert (PORT in said) == (width > 80)
-        assert ('or `| cat`: port' in said) == (width <= 80)
+        assert ('with `| cat`: port' in said) == (width <= 80)
     for text in expected:
         wanted = text.format(**paths, new=home / f'{name}-{width}')
         is_name = ('/' in wanted and ', ' not in wanted) or wanted in LABELS
