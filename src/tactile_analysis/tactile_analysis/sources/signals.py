@@ -223,7 +223,10 @@ def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
     while len(left):
         usual = np.sort(rates[left])[len(left) // 2]  # unlike np.median, the rate of a real trial
         is_same = np.abs(rates[left] / usual - 1.0) <= RATE_TOLERANCE
-        groups.append((round_rate(float(np.median(rates[left[is_same]]))), left[is_same]))
+        same = rates[left[is_same]]
+        is_exact = bool((same == same[0]).all())  # for example, stated by an archive
+        rate_hz = float(same[0]) if is_exact else round_rate(float(np.median(same)))
+        groups.append((rate_hz, left[is_same]))
         left = left[~is_same]
     return sorted(groups, key=lambda group: -len(group[1]))
 

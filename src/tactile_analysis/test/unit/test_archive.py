@@ -57,6 +57,14 @@ def test_an_archive_is_signals_and_labels_with_their_columns(save):
         trials.windows('speed')
 
 
+def test_the_stated_rate_is_kept_to_the_last_digit(save, tmp_path):
+    rate_hz = 100.0 / 2.808
+    trials = load_archive(save(rate_hz=np.array(rate_hz)))
+    assert trials.rate_hz == rate_hz
+    trials.save(tmp_path / 'again.npz')
+    assert load_archive(tmp_path / 'again.npz').rate_hz == rate_hz
+
+
 def test_select_keeps_the_trials_and_their_columns(save):
     trials = load_archive(save())
     assert len(trials.select('balanced')) == 8
