@@ -177,7 +177,7 @@ def test_three_seconds_at_1_khz_train_by_default(tmp_path, few_convolutions):
         for at in rng.integers(100, 2_900, size=12):
             row[at : at + 25] += np.linspace(1.0, 0.0, 25) * (1 if label == 'up' else -1)
     np.savez(tmp_path / 'fast.npz', x=rows, label=labels, rate_hz=1_000.0)
-    options = ('--task', 'texture', '--folds', 2, '--repetitions', 1)
+    options = ('--task', 'texture', '--folds', 3, '--repetitions', 1)
     (trained,) = ask_tactile('train', tmp_path / 'fast.npz', '-o', tmp_path / 'm', *options)[
         'models'
     ]
