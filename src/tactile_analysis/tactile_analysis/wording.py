@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from tactile_classifier.coverage import format_coverage
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
-from tactile_classifier.evaluation.intervals import format_coverage, Interval
+from tactile_classifier.evaluation.intervals import Interval
 from tactile_classifier.types import CLASSIFIER_TITLES, PROBABILITY, short_scaling
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ from tactile_analysis.report.summary import (
     Source,
 )
 from tactile_analysis.wording import format_interval, format_warnings
-from tactile_classifier.evaluation.intervals import format_coverage
+from tactile_classifier.coverage import format_coverage
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.evaluation.reliability import DRAWS
 from tactile_classifier.model_file.manifest import format_features

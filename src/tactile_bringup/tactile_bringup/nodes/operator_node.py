@@ -103,6 +103,8 @@ class OperatorNode(Node):  # type: ignore[misc]
             self.create_subscription(kind, topic, guard.wrap(topic, take), qos)
 
     def destroy_node(self) -> None:
+        if self._diagnostics is not None:
+            self._diagnostics.close()
         for client, rivals in self._rivals.items():
             rivals.close()
             client.close()

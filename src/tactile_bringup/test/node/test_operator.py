@@ -146,3 +146,11 @@ def test_a_session_ends_when_the_rig_is_stopped_and_moves_nothing_until_it_is_re
     assert ask_to_stop(operator, 'trial_runner/reset').success
     wait_until(lambda: not operator._stop_state.is_stopped)
     assert operator.run_trial(request) == 'second'
+
+
+def test_diagnostics_of_the_progress_end_with_the_operator(context):
+    operator = OperatorNode(context)
+    operator.publish_progress(1, 2, TrialRequest('stiffness', 'flexion'))
+    diagnostics = operator._diagnostics
+    operator.destroy_node()
+    diagnostics.publish()  # a periodic call that was due: the publisher no longer exists

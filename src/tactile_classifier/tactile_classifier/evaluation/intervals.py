@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 import dataclasses
 import math
 from typing import Any
@@ -16,30 +15,6 @@ from scipy.special import stdtr, stdtrit
 
 LEVEL = 0.95
 """Nominal coverage of the intervals [1]."""
-
-COVERAGE_WITH_TRAINING = (0.84, 0.95)
-"""Minimum and maximum of the measured coverage of intervals over held-out groups [1]. The coverage
-is below the nominal one, because the folds share most of their training trials; see
-docs/evaluation.md."""
-
-COVERAGE_OF_CHOICE = (0.87, 0.88)
-"""The same for the nested accuracy of an automatic choice [1]."""
-
-
-def format_coverage(spread_of: str, means: Iterable[float], *, chosen: bool = False) -> str:
-    """Return the measured coverage of intervals of accuracies as a clause, or an empty string.
-
-    The coverage is known for intervals over held-out groups (``spread_of`` is ``groups``). The
-    exact binomial interval, which is used if all groups are at 0 or 100 %, was not included.
-    ``chosen`` is True for the nested accuracy of an automatic choice.
-    """
-    if spread_of != 'groups' or all(mean in (0.0, 1.0) for mean in means):
-        return ''
-    least, most = COVERAGE_OF_CHOICE if chosen else COVERAGE_WITH_TRAINING
-    return (
-        f'; such intervals contained the true accuracy in {100 * least:.0f} to {100 * most:.0f} % '
-        'of simulated experiments'
-    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +64,7 @@ def accuracy_interval(
     that follows from the spread between the parts. The quantile is that of Student's t; if all
     parts have equal weights, it has one degree of freedom less than there are parts. The interval
     accounts for the choice of the tested parts, but not for the variation of the training: see
-    `COVERAGE_WITH_TRAINING`.
+    `tactile_classifier.coverage`.
 
     If all parts are completely correct, or all are completely wrong, the exact binomial interval
     over the parts is used. Each group then counts as one trial, so the interval is valid even if

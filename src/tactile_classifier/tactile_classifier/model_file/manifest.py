@@ -11,6 +11,7 @@ import math
 from typing import Any, get_origin, get_type_hints
 
 from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty, rank_of_sessions
+from tactile_classifier.coverage import format_coverage
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.errors import ModelFileError, refuse_damage
 from tactile_classifier.types import (
@@ -346,8 +347,6 @@ def _format_accuracy(manifest: Manifest) -> str:
     folds. If there was no cross-validation, it is the accuracy on the held-out trials of the
     calibration.
     """
-    from tactile_classifier.evaluation.intervals import format_coverage  # a node needs no card
-
     score, calibration = manifest.cross_validation, manifest.calibration
     if score:
         is_chosen = 'choice' in score

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom, binomtest, ttest_1samp, ttest_rel
 
+from tactile_classifier.coverage import format_coverage
 from tactile_classifier.evaluation.intervals import (
     accuracy_interval,
     difference_interval,
     difference_p_value,
-    format_coverage,
 )
 from tactile_classifier.evaluation.model_accuracy import compare_predictions, score_predictions
 from tactile_classifier.types import NO_ANSWER, UNKNOWN
