@@ -187,7 +187,7 @@ class TrialSet:
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        """All trials; those with a non-empty ``why_not`` are excluded from evaluation."""
+        """All trials; those with a ``why_not`` are excluded from evaluation."""
         fingers = ((bag, namespace) for bag in self.bags for namespace in bag.namespaces)
         return tuple(t for bag, namespace in fingers for t in bag.trials(namespace))
 
@@ -199,7 +199,7 @@ class TrialSet:
     @property
     def skipped(self) -> list[str]:
         """One sentence for each trial that cannot be used because of its samples."""
-        return [trial.why_not for trial in self.trials if trial.is_faulty]
+        return [trial.why_not for trial in self.trials if trial.is_faulty and trial.why_not]
 
     @property
     def unit(self) -> str:
@@ -315,7 +315,9 @@ class TrialSet:
         return self._change(
             [
                 replace(
-                    trial, label=label, why_not='' if trial.why_not == NO_LABEL else trial.why_not
+                    trial,
+                    label=label,
+                    why_not=None if trial.why_not == NO_LABEL else trial.why_not,
                 )
                 if is_chosen
                 else trial

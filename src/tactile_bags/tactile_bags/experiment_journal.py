@@ -22,13 +22,14 @@ PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
 
 @dataclass(frozen=True)
 class Correction:
-    """Entries of the journal about a trial; each may be empty.
+    """Entries of the journal about a trial.
 
-    ``why_not`` is the reason why the trial is excluded. ``label`` is its corrected label.
-    ``specimen`` is the name of the plate or object under the finger.
+    ``why_not`` is the reason why the trial is excluded, or None. ``label`` is its corrected label,
+    and ``specimen`` is the name of the plate or object under the finger. Both are empty if the
+    journal does not state them.
     """
 
-    why_not: str = ''
+    why_not: str | None = None
     label: str = ''
     specimen: str = ''
 
@@ -119,7 +120,7 @@ def _add_up(entries: Iterable[Mapping[str, Any]]) -> dict[str, Correction]:
                 specimens[trial_id] = labels[trial_id]
     found = {}
     for trial_id, verdict in verdicts.items():
-        why_not = ''
+        why_not = None
         if trial_id in excluded:
             why_not = f'excluded: {excluded[trial_id]}'
         elif trial_id not in kept:

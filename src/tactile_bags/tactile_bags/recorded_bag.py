@@ -206,7 +206,7 @@ class RecordedBag(TactileBag):
             ),
         )
 
-    def _find_why_not(self, events: Sequence[TrialEvent]) -> str:
+    def _find_why_not(self, events: Sequence[TrialEvent]) -> str | None:
         first, last = events[0], events[-1]
         if why_not := self.corrections.get(first.trial_id, Correction()).why_not:
             return why_not
@@ -214,7 +214,7 @@ class RecordedBag(TactileBag):
             return f'the trial was aborted: {last.message or "no reason given"}'
         if len(events) < 2:
             return 'the recording ends at its first event'
-        return '' if first.object_label else NO_LABEL
+        return None if first.object_label else NO_LABEL
 
 
 def correct_bags(bags: Sequence[RecordedBag]) -> None:

@@ -64,8 +64,8 @@ class Trial:
         Properties of the trial; empty if unknown.
     namespace : str
         Namespace of the finger, for bags of this package.
-    why_not : str
-        Reason why the trial is excluded from training and evaluation; empty if it is included.
+    why_not : str or None
+        Reason why the trial is excluded from training and evaluation; None if it is included.
     is_faulty, is_excluded : bool
         True if ``why_not`` describes a fault of the samples, or states why the trial was excluded
         from a set of trials. Both are False for trials that were aborted or have no label.
@@ -85,7 +85,7 @@ class Trial:
     contact: str = ''
     task: str = ''
     namespace: str = ''
-    why_not: str = ''
+    why_not: str | None = None
     is_faulty: bool = False
     is_excluded: bool = False
     columns: Mapping[str, Any] = field(default_factory=dict)

@@ -157,13 +157,13 @@ def _collect(
     }
     for window in replayed.windows:
         event = event_before(window, events[window.trial_id])
-        excluded = ''
+        excluded = None
         if trials.is_changed:
             place = str(bag.path), namespace, window.trial_id
             trial = trials.find_window(*place, window.window_start_ns)
             if trial is None:
                 continue
-            excluded = trial.why_not if trial.is_excluded else ''
+            excluded = trial.why_not if trial.is_excluded else None
             event = replace(event, object_label=trial.label)
         end = _end_after(window, events[window.trial_id])
         # The task follows from the features: a trial may have a window of the other protocol.

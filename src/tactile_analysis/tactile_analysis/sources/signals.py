@@ -120,7 +120,7 @@ def make_trial(
         mounting_id=known('mounting_id', 'mounting'),
         contact=known('contact'),
         task=known('task'),
-        why_not=why_not and f'trial {name}: {why_not}',
+        why_not=f'trial {name}: {why_not}' if why_not else None,
         is_faulty=bool(why_not),
         columns=columns,
         load_signal=load,

@@ -319,9 +319,9 @@ def test_a_trial_with_a_pause_does_not_count_and_is_not_written(tmp_path):
     (tmp_path / 'long.csv').write_text('\n'.join(lines))
     recording = TrialSet.load(tmp_path / 'long.csv')
     assert [trial.why_not for trial in recording.trials] == [
-        '',
+        None,
         'trial 1: no samples for 0.11 s, from 0.19 s on',
-        '',
+        None,
     ]
     assert set(recording.to_table()['trial'].to_pylist()) == {'0', '2'}
     even = recording.even(skip_bad=True)

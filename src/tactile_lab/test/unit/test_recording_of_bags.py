@@ -39,7 +39,7 @@ def test_trials_have_labels_events_and_signals(stiffness_bag):
         )
         tension_n = np.concatenate([block.tension_n for block in blocks])
         for trial in recording.trials:
-            assert trial.why_not == ''
+            assert trial.why_not is None
             assert trial.simulated
             assert trial.phases[-1][2] == pytest.approx(
                 (trial.events[-1].stamp_ns - trial.begin_ns) * 1e-9
@@ -178,10 +178,10 @@ def test_journal_of_an_experiment_excludes_and_relabels_trials(stiffness_bag, tm
         why_not = [trial.why_not for trial in recording.trials]
         assert why_not[:5] == [
             'repeated (failed)',
-            '',
+            None,
             'repeated (interrupted)',
             'excluded: the plate was loose',
-            '',
+            None,
         ]
         assert not any(why_not[5:])
         assert recording.trials[5].label == 'cork'
