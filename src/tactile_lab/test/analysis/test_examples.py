@@ -4,6 +4,7 @@
 """The examples of the documentation run, and their pages contain their output."""
 
 import importlib
+from importlib.util import find_spec
 import os
 from pathlib import Path
 import re
@@ -15,6 +16,19 @@ from tactile_features.feature_sets.registry import find_feature_set
 
 DOCS = Path(__file__).resolve().parents[4] / 'docs'
 SCRIPTS = sorted((DOCS / 'examples').glob('*.py'))
+
+
+@pytest.fixture(autouse=True)
+def _domain(monkeypatch):
+    """Give each example a ROS domain of its own, if the ROS nodes are installed."""
+    if find_spec('domain_coordinator') is None:
+        yield
+        return
+    from domain_coordinator import domain_id
+
+    with domain_id() as domain:
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+        yield
 
 
 def test_examples_exist():
