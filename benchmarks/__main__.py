@@ -38,7 +38,7 @@ examples:
 
 
 def main() -> int:
-    """Run the topics selected by the arguments."""
+    """Run the benchmarks that the arguments select."""
     arguments = _parse_arguments()
     out, progress = PlainConsole(), PlainConsole(stderr=True)
     documents = {}

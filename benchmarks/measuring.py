@@ -1,7 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reports of benchmarks: speed as a ratio, and error with its bound."""
+"""Reports of benchmarks, with speeds as ratios and errors with their bounds.
+
+The speed of this code is compared with a floor: the minimum work for the task, or a comparable
+library.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,10 @@ OTHER_CHECKOUT = 'TACTILE_OTHER_CHECKOUT'
 
 @dataclass(frozen=True)
 class Ratio:
-    """Time of this code divided by the time of the floor: median and quartiles over the rounds."""
+    """Time of this code divided by the time of the floor.
+
+    The median and the quartiles are over the rounds of the measurement.
+    """
 
     median: float
     low: float
@@ -29,9 +36,10 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Row:
-    """One case of a topic: error with its bound, and error of the floor for the same input.
+    """One row of a report.
 
-    ``more`` contains additional columns of the topic.
+    It contains the ratio of times, the error with its bound, and the error of the floor for the
+    same input. ``more`` contains additional columns.
     """
 
     case: str
@@ -44,10 +52,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """Table of one topic.
+    """Table of one benchmark.
 
-    ``floor`` and ``error`` explain these columns; they are empty if the table does not have the
-    column. ``more`` contains further tables of the topic.
+    ``floor`` and ``error`` describe the floor and the error; each is empty if the table does not
+    have this column. ``more`` contains further tables of the benchmark.
     """
 
     title: str
@@ -121,7 +129,7 @@ def read_processor_s(pid: int) -> float:
 
 
 def read_memory_mb(pid: int) -> float:
-    """Return the memory of a process [MB]. If n processes share a page, it counts as 1/n."""
+    """Return the memory of a process [MB]. A page that n processes share counts as 1/n."""
     for line in Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines():
         if line.startswith('Pss:'):
             return int(line.split()[1]) / 1024

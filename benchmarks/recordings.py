@@ -27,12 +27,12 @@ class Recording(NamedTuple):
 
 
 def read_fabrics() -> Recording:
-    """Return the balanced trials of the fabrics."""
+    """Return the trials of the fabrics that are selected in the column ``balanced``."""
     return _read(TrialSet.load(find_recording(FABRIC_SLIDE) or '').select('balanced'))
 
 
 def read_holds() -> Recording:
-    """Return the holds from their second 1 to 5."""
+    """Return the signals of the held objects from 1 s to 5 s after the start of each hold."""
     return _read(TrialSet.load(find_recording(PHAC_HOLD) or '').crop(1.0, 5.0))
 
 
@@ -44,7 +44,7 @@ def _read(trials: TrialSet) -> Recording:
 
 
 def find_recording(name: str) -> Path | None:
-    """Return the file in the folder that the environment variable TACTILE_DATA names, or None."""
+    """Return the path of a recording in the folder ``TACTILE_DATA``, or None if it is missing."""
     path = Path(os.environ.get('TACTILE_DATA', '')) / name
     return path if path.is_file() else None
 

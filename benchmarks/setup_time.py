@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def main() -> None:
-    """Measure both revisions, and print the times."""
+    """Measure the current revision and the stated revision, and print the times."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.setup_time', description=__doc__)
     parser.add_argument('revision', help='compare HEAD with this revision')
     parser.add_argument('--rounds', type=int, default=3)

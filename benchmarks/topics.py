@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics of `python -m benchmarks`."""
+"""List of the benchmarks that `python -m benchmarks` can run. Each of them is called a topic."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Topic(NamedTuple):
     is_long: bool = False
 
     def find(self) -> Callable[[bool], Report]:
-        """Import the function that measures."""
+        """Import and return the function that runs the benchmark."""
         module = importlib.import_module(f'benchmarks.{self.module}')
         measure: Callable[[bool], Report] = getattr(module, 'run_' + self.name.replace('-', '_'))
         return measure

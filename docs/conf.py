@@ -63,7 +63,7 @@ for package in (
 
 
 def add_contents(app, name, source):
-    """Add tables of contents to the index, from its lists of links."""
+    """Add hidden tables of contents to the index page, with the links of its lists."""
     if name != root_doc:
         return
     tables = re.findall(r'^## (.+)\n\n((?:- .*\n)+)', source[0], re.MULTILINE)

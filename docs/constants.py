@@ -14,12 +14,15 @@ FILES = ('finger_flexion', 'finger_abduction', 'rig', 'plates', 'objects')
 
 
 def build_tables(config: Path) -> str:
-    """Return a Markdown table for each file, below the comment at the top of the file."""
+    """Return a Markdown table for each YAML file.
+
+    The comment at the top of the file is the paragraph above its table.
+    """
     return '\n'.join(_build_table(config / f'{name}.yaml') for name in FILES)
 
 
 def replace_tables(page: str, tables: str) -> str:
-    """Replace the tables between the markers."""
+    """Return the page with new tables between the lines `BEGIN` and `END`."""
     before, rest = page.split(BEGIN)
     return f'{before}{BEGIN}\n{tables}{END}{rest.split(END)[1]}'
 
@@ -32,10 +35,10 @@ def _build_table(path: Path) -> str:
             heading.append(text.lstrip('# '))
             continue
         if not text or text.startswith('{'):
-            if text:  # this line continues the value of the previous key
+            if text:  # this line has the value of the key in the line above
                 rows[-1] = (rows[-1][0], text.strip('{}'), rows[-1][2])
             continue
-        if text.startswith('#'):  # this line continues the source
+        if text.startswith('#'):  # this line continues the comment of the line above
             key, value, source = rows[-1]
             rows[-1] = (key, value, f'{source} {text.lstrip("# ")}')
             continue

@@ -85,7 +85,8 @@ def build_page(script: Path, images: Path) -> str:
 
 
 def main() -> None:
-    os.environ.pop('TACTILE_DATA', None)  # pages show SIMULATED numbers only
+    # Without public recordings, the pages show only SIMULATED numbers.
+    os.environ.pop('TACTILE_DATA', None)
     for script in sorted(FOLDER.glob('*.py')):
         script.with_suffix('.ipynb').write_text(build_notebook(script), 'utf-8')
         script.with_suffix('.md').write_text(build_page(script, IMAGES), 'utf-8')

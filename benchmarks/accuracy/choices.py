@@ -42,7 +42,7 @@ OVER_MM = {'spatial_length_m': 0.048, 'spatial_finest_m': 0.003}
 
 
 def read_fabrics(channel: int | str = 'mean') -> dict[str, FeatureTable]:
-    """Return the feature tables of the fabrics; the keys are feature sets."""
+    """Return a feature table of the recording of fabrics for each feature set."""
     trials = recordings.read_fabrics()
     speeds_m_s = trials.columns['speed_mm_s'] / 1e3
     sets = ('texture_spectrum', 'texture_spatial', 'glide_waveform', 'spatial_waveform')
@@ -61,7 +61,7 @@ def read_fabrics(channel: int | str = 'mean') -> dict[str, FeatureTable]:
 
 
 def read_holds() -> dict[str, FeatureTable]:
-    """Return the feature tables of the holds; the keys are feature sets."""
+    """Return a feature table of the recording of held objects for each feature set."""
     x, label, rate_hz, _ = recordings.read_holds()
     sets = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
     return {
@@ -78,7 +78,7 @@ PLATE_NOISE_N = 0.08
 
 
 def read_plates(seed: int) -> dict[str, FeatureTable]:
-    """Simulate trials on twelve plates; return their feature tables; the keys are feature sets."""
+    """Simulate trials on twelve plates, and return a feature table for each feature set."""
     signals, labels, sessions = simulate(seed, USUAL_MM_S)
     noise = np.random.default_rng(seed).standard_normal(signals.shape)
     speeds_m_s = np.full(len(signals), USUAL_MM_S / 1e3)
@@ -106,7 +106,11 @@ Divide = Callable[[FeatureTable, int], Split]
 
 
 def run_choice(quick: bool) -> Report:
-    """Compare the automatic choice with the candidate that is best on the test trials."""
+    """Compare the automatic choice with the best choice in hindsight.
+
+    Features, classifier and scaling are chosen. The best choice in hindsight is the combination
+    with the highest accuracy on the test trials.
+    """
     seeds = range(1 if quick else SEEDS)
     rows = [Row(say_missing(PHAC_HOLD))]
     if find_recording(PHAC_HOLD) and find_recording(FABRIC_SLIDE):
@@ -171,7 +175,7 @@ def _measure_choice(read: Read, divide: Divide, seeds: range) -> dict[str, Any]:
 
 
 def run_unlearned(quick: bool) -> Report:
-    """Leave each label out of the training, and detect its trials as unknown."""
+    """Leave each label out of the training, and test whether its trials are found unknown."""
     rows = [Row(say_missing(FABRIC_SLIDE))]
     if find_recording(PHAC_HOLD) and find_recording(FABRIC_SLIDE):
         cases = [(f'holds, {name}', table, REPETITION) for name, table in read_holds().items()]
@@ -204,7 +208,7 @@ def _measure_unlearned(table: FeatureTable, columns: tuple[str, ...]) -> dict[st
 
 
 def run_calibration_error(quick: bool) -> Report:
-    """Compare the calibration error in the model card with the error in held-out groups."""
+    """Compare the calibration error that a model card states with that in held-out groups."""
     rows = [Row(say_missing(FABRIC_SLIDE))]
     if find_recording(PHAC_HOLD) and find_recording(FABRIC_SLIDE):
         cases = [(f'holds, {name}', table, REPETITION) for name, table in read_holds().items()]

@@ -3,10 +3,10 @@
 
 """Comparison with the features of other libraries on the same trials, in the same run.
 
-The peers are MiniRocket and MultiRocket of aeon, and the statistics of tsfresh. Install them with
-``pip install aeon tsfresh``. Libraries that are not installed are reported and omitted. All
-methods use the same signals, whose mean is not subtracted. Random choices (kernels, folds) are
-repeated with `SEEDS` seeds.
+The features of other libraries are MiniRocket and MultiRocket of aeon, and the statistics of
+tsfresh. Install the libraries with ``pip install aeon tsfresh``. Libraries that are not installed
+are reported and omitted. All methods use the same signals, whose mean is not subtracted. Random
+choices (kernels, folds) are repeated with `SEEDS` seeds.
 """
 
 from __future__ import annotations
@@ -68,10 +68,13 @@ class Method:
 
 
 def rocket(name: str, compute: Transform) -> Method:
-    """Return the method of random convolutions of a waveform, as in `tactile train`."""
+    """Return a method: random convolutions of a waveform, classified as in `tactile train`.
+
+    ``compute`` returns the waveform of a signal.
+    """
 
     def build(seed: int) -> Any:
-        # The two sets of kernels use two random states.
+        # The classifier has two sets of kernels, which use this random state and the next one.
         return build_estimator(ROCKET, 'none').set_params(classify__random_state=2 * seed)
 
     return Method(f'{name}, rocket', fixed(compute), build)
@@ -129,7 +132,7 @@ def ridge(_seed: int = 0) -> Any:
 
 
 def peers() -> list[Method]:
-    """Return the installed peers, and a nearest-neighbour classifier of raw signals."""
+    """Return the methods of installed libraries, and a nearest-neighbour classifier of signals."""
     methods = [
         Method('raw neighbour', fixed(lambda x: x), lambda _: KNeighborsClassifier(n_neighbors=1))
     ]
@@ -155,12 +158,12 @@ Split = Iterator[tuple[Array, Array]]
 
 
 def plain_folds(label: Array, seed: int) -> Split:
-    """Yield six stratified folds."""
+    """Yield the training and test indices of six stratified folds."""
     yield from StratifiedKFold(6, shuffle=True, random_state=seed).split(label, label)
 
 
 def held_out(group: Array, _seed: int = 0) -> Split:
-    """Yield leave-one-group-out splits."""
+    """Yield the training and test indices of leave-one-group-out splits."""
     for value in np.unique(group):
         yield np.flatnonzero(group != value), np.flatnonzero(group == value)
 
@@ -182,7 +185,11 @@ class MethodOnTrials:
     def measure(
         self, split: Callable[[int], Split], seeds: int
     ) -> tuple[list[float], float, float]:
-        """Return the accuracy of each seed [%], and the times of a window and a training [s]."""
+        """Return the accuracy of each seed [%], and two computing times [s].
+
+        The first time is the median for features and prediction of one window. The second time is
+        the median for one training.
+        """
         accuracies: list[float] = []
         window_s: list[float] = []
         training_s: list[float] = []
@@ -213,7 +220,7 @@ def compare(
     splits: dict[str, Callable[[int], Split]],
     seeds: int,
 ) -> list[Row]:
-    """Return one row per method and split."""
+    """Return one row of the report for each method and each split."""
     rows = []
     for method in [*ours, *peers()]:
         candidate = MethodOnTrials(method, x, label)
@@ -225,7 +232,7 @@ def compare(
                 'training [s]': training_s,
             }
             rows.append(Row(f'{title}, {split_name}: {method.name}', more=more))
-            sys.stderr.write(f'{rows[-1].case}: {more}\n')  # progress
+            sys.stderr.write(f'{rows[-1].case}: {more}\n')
     return rows
 
 
@@ -249,9 +256,10 @@ def run_peers(quick: bool) -> Report:
 
 
 def compute_by_speed(trials: Recording, x: Array, name: str, rows: Array) -> Array:
-    """Return a feature set for some rows of the signals ``x``, with their speeds.
+    """Return the features of the set ``name`` for ``rows``, which are signals from ``x``.
 
-    Methods get no speeds, so the speed of a row is found by searching the row in ``x``.
+    The speed of each glide is needed, but `Method` only passes signals. Therefore each signal is
+    searched in ``x``, whose order is that of the speeds in ``trials``.
     """
     place = {row.tobytes(): i for i, row in enumerate(x)}
     config = FeatureConfig(

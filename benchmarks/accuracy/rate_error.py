@@ -44,10 +44,10 @@ ERRORS = (-0.02, -0.01, 0.0, 0.01, 0.02)
 """Relative errors: true value divided by stated value, minus one [1]."""
 
 MARGIN = 4
-"""Number of samples at each end that only stretched windows use."""
+"""Number of samples at each end of a signal that are used only if the window is stretched."""
 
 LENGTH_M = 0.045
-"""Length of the path of the slowest glides without these samples."""
+"""Length of the path of the slowest glides without `MARGIN` samples at each end [m]."""
 
 
 def stretch(x: Array, factor: float) -> Array:
@@ -63,7 +63,7 @@ def stretch(x: Array, factor: float) -> Array:
 
 
 def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
-    """Return features over distance, computed with the stated speeds."""
+    """Return the features of a set over distance, computed with the stated speeds."""
     config = FeatureConfig(
         texture_features=features, spatial_length_m=LENGTH_M, spatial_finest_m=FINEST_M
     )
@@ -73,7 +73,7 @@ def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
 
 
 def run_rate_error(quick: bool) -> Report:
-    """Test models on signals whose rate or speed differs from the stated value."""
+    """Test models on signals whose sample rate or guide speed differs from the stated value."""
     rows = [*_measure_fabrics(quick), *_measure_holds(), *_measure_simulated(quick)]
     return Report(
         'accuracy with a wrong sample rate or speed of the guide',
@@ -128,9 +128,9 @@ def _measure_holds() -> list[Row]:
 def hold_out(
     tables: Sequence[Array], label: Array, group: Array, classifier: str, scaling: str
 ) -> list[float]:
-    """Return the accuracy on each table, with each group held out once [%].
+    """Return the accuracy on each feature table, with each group held out once [%].
 
-    Models are trained on the table whose error is zero.
+    There is one table for each value of `ERRORS`. Models are trained on the table without error.
     """
     right = np.zeros((len(tables), len(label)), dtype=bool)
     usual = tables[ERRORS.index(0.0)]

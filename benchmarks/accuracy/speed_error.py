@@ -65,7 +65,11 @@ MARKS = {'knn': 'o', 'svm_linear': 's', 'svm_rbf': 'D', 'tree': '^', ROCKET: '*'
 
 
 class Point(NamedTuple):
-    """Result of a method on a recording: times [s], mean accuracy and its range over seeds [%]."""
+    """Result of a method on a recording.
+
+    It contains the computing times of one window and of one training [s], the mean accuracy, and
+    the lowest and highest accuracy over seeds [%].
+    """
 
     recording: str
     features: str
@@ -110,7 +114,11 @@ def _measure_all(
     split: Callable[[int], Any],
     seeds: int,
 ) -> Iterator[Point]:
-    """Yield the points of one recording. Peers are applied to waveforms or raw samples."""
+    """Yield the points of one recording.
+
+    MiniRocket and MultiRocket of aeon are applied to waveforms. For the feature set ``raw``, they
+    are applied to the signals themselves.
+    """
     methods: list[tuple[str, str, str, Method, int]] = []
     for name, view in views.items():
         for classifier in CLASSIFIERS:
@@ -142,7 +150,7 @@ def _measure_all(
             min(found),
             max(found),
         )
-        sys.stderr.write(f'{point}\n')  # progress, because the measurement takes long
+        sys.stderr.write(f'{point}\n')
         yield point
 
 

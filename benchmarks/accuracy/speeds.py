@@ -25,10 +25,13 @@ from tactile_features import compute_spectrum, FeatureConfig, features_from_tria
 Array = NDArray[Any]
 
 LENGTH_M = 0.048
-"""Length of the path of the slowest glides, without one sample at each end."""
+"""Length of the path of the slowest glides, without one sample at each end [m]."""
 
 FINEST_M = 0.003
-"""Finest scale of the features. At 100 mm/s and 35.6 Hz, samples are 2.8 mm apart."""
+"""Finest scale of the features over distance [m].
+
+At the highest speed, 100 mm/s, and the sample rate of 35.6 Hz, samples are 2.8 mm apart.
+"""
 
 AWAY_M = (-0.012, -0.006, 0.006, 0.012)
 
@@ -43,7 +46,10 @@ class Glides:
     rate_hz: float
 
     def moved(self, by_m: float) -> Glides:
-        """Return the glides from a later position on their path, if they are long enough."""
+        """Return the glides as if they had started ``by_m`` later on their path.
+
+        Glides that are too short for this are left out.
+        """
         step_m = self.speed_m_s / self.rate_hz
         room_m = step_m * (self.x.shape[1] - 3) - 2 * abs(by_m)
         long = room_m >= LENGTH_M
@@ -58,7 +64,7 @@ View = Callable[[Glides], Array]
 
 
 def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
-    """Return the features of a set over distance."""
+    """Return the features of one of the feature sets over distance."""
     config = FeatureConfig(
         texture_features=features, spatial_length_m=LENGTH_M, spatial_finest_m=FINEST_M
     )
@@ -82,7 +88,7 @@ def waveform(glides: Glides) -> Array:
 
 
 def over_time(glides: Glides) -> Array:
-    """Return the features of the paper, of the signal with its mean subtracted."""
+    """Return the features of the paper: the spectrum over time of the signals without mean."""
     return compute_spectrum(glides.x, detrend='mean')
 
 
@@ -102,12 +108,16 @@ Table = tuple[Array, Array, Array]
 
 
 def make_table(view: View, glides: Glides) -> Table:
-    """Return the features of glides."""
+    """Return the features of glides, with their labels and speeds."""
     return view(glides), glides.label, glides.speed_m_s
 
 
 def hold_out(case: str, train: Table, tests: Sequence[Table], names: Sequence[str]) -> Row:
-    """Hold out each speed; choose among several classifiers on the other speeds."""
+    """Measure the accuracy at each speed with models that were trained on the other speeds.
+
+    If ``names`` has several classifiers, one of them is chosen for each held-out speed, by
+    cross-validation over the other speeds. Trials of all ``tests`` are tested.
+    """
     values, label, speed_m_s = train
     speeds = np.unique(np.concatenate([speed for _, _, speed in tests]))
 
@@ -139,7 +149,7 @@ def hold_out(case: str, train: Table, tests: Sequence[Table], names: Sequence[st
 
 
 def run_speeds(quick: bool) -> Report:
-    """Hold out each sliding speed of a public recording of fabrics."""
+    """Measure the accuracy at each sliding speed of the fabrics, with this speed held out."""
     rows = [Row(say_missing(FABRIC_SLIDE))]
     if find_recording(FABRIC_SLIDE) is not None:
         trials = read_fabrics()
@@ -159,7 +169,12 @@ def run_speeds(quick: bool) -> Report:
 
 
 def _measure(channels: Sequence[Glides], names: Sequence[str]) -> list[Row]:
-    """Return the rows for the mean of all channels, for one channel, and for all channels."""
+    """Return the rows of the report.
+
+    Features are computed from the first channel, from the mean of all channels, and from each
+    channel, in which case the features of all channels are concatenated. The first element of
+    ``channels`` is the mean.
+    """
     mean, *each = channels
     rows = []
     views: dict[str, View] = {'waveform over mm': waveform, 'texture_spatial': over_distance}

@@ -52,12 +52,16 @@ TASKS = {
     'speeds between': (SPEEDS_MM_S, BETWEEN_MM_S, 0.0),
     'and 80 mN': (SPEEDS_MM_S, BETWEEN_MM_S, 0.08),
 }
-"""Speeds in training and test [mm/s], and white noise that is added to all samples, rms [N]."""
+"""Tasks. The values are the speeds in training, the speeds in the test [mm/s], and the rms of the
+white noise that is added to all samples [N]."""
 
 
 @lru_cache
 def simulate(seed: int, speed_mm_s: int) -> tuple[Array, Array, Array]:
-    """Simulate glides over the same path: signals (trials, samples), labels, sessions."""
+    """Simulate glides over the same path at one speed.
+
+    The result consists of signals of shape (trials, samples), labels and sessions.
+    """
     catalogue = Catalogue(FOLDER)
     request = TrialRequest('texture', 'flexion', glide_speed_m_s=speed_mm_s / 1e3)
     planned = plan_trial(TrialConfig(), request, catalogue)
@@ -86,13 +90,13 @@ def simulate(seed: int, speed_mm_s: int) -> tuple[Array, Array, Array]:
 
 
 def spectrum(x: Array, speed_mm_s: int) -> Array:
-    """Return ``texture_spectrum`` of the first seconds."""
+    """Return the feature set ``texture_spectrum`` of the first `SAMPLES` samples."""
     config = FeatureConfig(texture_samples=SAMPLES)
     return features_from_trials('texture', x[:, :SAMPLES], 60.0, config=config)[0]
 
 
 def spatial(x: Array, speed_mm_s: int) -> Array:
-    """Return ``texture_spatial`` over 30 mm of the path."""
+    """Return the feature set ``texture_spatial`` over 30 mm of the path."""
     config = FeatureConfig(
         texture_features='texture_spatial', spatial_length_m=0.030, spatial_finest_m=5e-4
     )
@@ -101,7 +105,7 @@ def spatial(x: Array, speed_mm_s: int) -> Array:
 
 
 def signal_over_path(x: Array, speed_mm_s: int) -> Array:
-    """Return the signal, resampled at points of the path."""
+    """Return the signals, resampled at `POINTS` equidistant points of the path."""
     at = np.linspace(0.0, x.shape[1] - 1.0, POINTS)
     return np.array([np.interp(at, np.arange(x.shape[1]), row) for row in x])
 
@@ -114,7 +118,7 @@ class Method(NamedTuple):
     convolve: bool = False
 
     def count_right(self, train: Array, labels: Array, test: Array, wanted: Array) -> float:
-        """Return the accuracy [%]."""
+        """Train the classifier, and return its accuracy on the test trials [%]."""
         estimator: Any = SVC(kernel='linear', max_iter=1_000_000)
         if self.convolve:
             rocket = fit_convolutions(train[:, np.newaxis], random_state=0)
@@ -150,7 +154,7 @@ def measure(method: Method, seed: int, task: str) -> float:
 
 
 def run_hard_plates(quick: bool) -> Report:
-    """Measure the accuracy of several feature sets on hard plates."""
+    """Measure the accuracy of several methods on the twelve plates."""
     seeds = SEEDS[:1] if quick else SEEDS
     rows = []
     for method in METHODS:

@@ -28,14 +28,14 @@ from tactile_features.types import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_ros.strain import StrainBlock
 
 MARK = {'stiffness': 'hold', 'texture': 'glide'}
-"""Phase of each protocol in which the features are computed."""
+"""Phase of a trial from which the features are computed, for each protocol."""
 
 TOLERANCE_NS = 50_000_000
 """Largest accepted time error of a detected phase: three samples at 60 Hz."""
 
 SESSIONS = 6
 TEST_SESSIONS = 2
-"""The last sessions, as many as this, are used for testing, and the others for training."""
+"""Number of sessions for testing. These are the last sessions; the others are for training."""
 
 CONDITIONS: dict[str, tuple[Disturbance, dict[str, float]]] = {
     'noise 4 mN': (Disturbance(), {}),
@@ -81,7 +81,7 @@ def run_phases(quick: bool) -> Report:
 
 
 class _Found:
-    """Counts of one condition."""
+    """Numbers of trials whose phases were found, missed or wrong in one condition."""
 
     def __init__(self, mark: str) -> None:
         self._names = ['contact', mark, 'release', 'done']
@@ -133,7 +133,7 @@ def _by_trial(session: Session, events: Iterable[TrialEvent]) -> list[list[Trial
 
 
 def run_phase_features(quick: bool) -> Report:
-    """Measure the effect of detection errors on accuracy."""
+    """Measure how errors in the detection of phases affect the accuracy of classification."""
     trials = 4 if quick else 15
     rows = []
     for protocol in MARK:
@@ -160,7 +160,7 @@ _Table = tuple[list[NDArray[np.float64] | None], list[str], list[int]]
 
 
 def _tables(protocol: str, contact: str, trials: int, disturbance: Disturbance) -> list[_Table]:
-    """Return the features of the trials with commanded and with detected phases."""
+    """Return two tables: features with commanded phases, and features with detected phases."""
     stated: _Table = ([], [], [])
     detected: _Table = ([], [], [])
     for number in range(SESSIONS):

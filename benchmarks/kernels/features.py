@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 def run_spectrum(quick: bool) -> Report:
-    """Compare the spectrum with the bare Fourier transform."""
+    """Compare `compute_spectrum` with a Fourier transform without further computations."""
     rng = np.random.default_rng(1)
     time_s = np.arange(180) / 60
     waves = 0.05 * np.sin(2 * np.pi * np.outer(rng.uniform(1, 25, 480), time_s))
@@ -66,14 +66,17 @@ def _spectrum_row(case: str, tension_n: Array, ratio: Any, detrend: str) -> Row:
 
 
 def _exact_spectrum(tension_n: Array, detrend: str) -> NDArray[Any]:
-    """Return the amplitudes of an even number of samples from the definition of the DFT."""
+    """Return the spectrum in extended precision, from the definition of the DFT.
+
+    The number of samples must be even.
+    """
     n = tension_n.shape[1]
     pi = np.longdouble('3.14159265358979323846264338327950288')
     # The product of the indices is reduced as an integer, so that angles remain small.
     turns = np.outer(np.arange(n), np.arange(n // 2 + 1)) % n
     angle = 2 * pi * turns.astype(np.longdouble) / n
     x = tension_n.astype(np.longdouble)
-    x = x - x[:, :1]  # exact
+    x = x - x[:, :1]  # this difference is exact, so the mean is small and has a small error
     x = x - x.mean(axis=1, keepdims=True)
     if detrend == 'linear':
         index = np.arange(n).astype(np.longdouble) - np.longdouble(n - 1) / 2
@@ -87,7 +90,7 @@ def _exact_spectrum(tension_n: Array, detrend: str) -> NDArray[Any]:
 
 
 def run_regression(quick: bool) -> Report:
-    """Compare the regression with scipy.stats.linregress."""
+    """Compare `compute_regression` with `scipy.stats.linregress`."""
     rng = np.random.default_rng(2)
     time_ns = PERIOD_NS * np.arange(204)
     time_s = time_ns / 1e9

@@ -31,7 +31,8 @@ def run_inference(quick: bool) -> Report:
     ):
         rng = np.random.default_rng(8)
         first, second = rng.integers(0, len(table), (2, 100 if quick else 1000))
-        # Points between two trials, near decision boundaries.
+        # The classified points are on lines between two random trials, which cross the boundaries
+        # between labels.
         queries = table.values[first] + rng.random((len(first), 1)) * (
             table.values[second] - table.values[first]
         )
@@ -74,7 +75,10 @@ def run_inference(quick: bool) -> Report:
 
 
 def _texture_tables() -> tuple[FeatureTable, FeatureTable]:
-    """Return 60 trials of 8 textures (four sines with noise) as spectra and waveforms."""
+    """Return feature tables with spectra and with waveforms of the same generated trials.
+
+    There are 60 trials for each of 8 textures. A texture is a sum of four sines with noise.
+    """
     rng = np.random.default_rng(6)
     time_s = np.arange(180) / 60.0
     rows = []
@@ -93,7 +97,7 @@ def _texture_tables() -> tuple[FeatureTable, FeatureTable]:
 
 
 def _stiffness_table() -> FeatureTable:
-    """Return 60 trials of 5 objects with slightly overlapping features."""
+    """Return 60 generated trials for each of 5 objects, whose features overlap slightly."""
     rng = np.random.default_rng(7)
     centres = [
         [-0.9, 12.6, -0.99],

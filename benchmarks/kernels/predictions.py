@@ -72,7 +72,7 @@ class Predictor:
         return float(self._read())
 
     def close(self) -> None:
-        """End the process."""
+        """Close the standard input of the process, which ends it, and wait."""
         self._process.stdin.close()
         self._process.wait()
 
@@ -84,7 +84,7 @@ class Predictor:
 
 
 def run_predictions(quick: bool) -> Report:
-    """Measure every classifier of both checkouts alternately."""
+    """Measure this checkout and the other one alternately, for every classifier."""
     other = find_other_checkout()
     if other is None:
         raise SystemExit(f'set {OTHER_CHECKOUT} to the root of the checkout to compare with')

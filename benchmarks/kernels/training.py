@@ -34,8 +34,10 @@ ROOT = Path(__file__).resolve().parents[2]
 TACTILE = ('python', '-m', 'tactile_lab')
 
 REFUSED = 2
-"""Exit code of `tactile train` of another checkout that trained a model and then refused to write
-it. Its time counts, because only the writing is missing."""
+"""Exit code of `tactile train` if it trained a model, and then refused to write it.
+
+The other checkout may end with this code. Its time is used, because only the writing is missing.
+"""
 
 
 class Times(NamedTuple):
@@ -47,7 +49,7 @@ class Times(NamedTuple):
 
 
 def run_training(quick: bool) -> Report:
-    """Measure both commands of both checkouts alternately."""
+    """Run `tactile train` and `tactile evaluate`, each alternately in both checkouts."""
     other = find_other_checkout()
     if other is None:
         raise SystemExit(f'set {OTHER_CHECKOUT} to the root of the checkout to compare with')
@@ -100,7 +102,10 @@ def _run(checkout: Path, arguments: Sequence[str]) -> Times:
 
 
 def _write_windows(path: Path, trials: int) -> None:
-    """Write windows of four textures, each a sine with drift and noise."""
+    """Write an archive with windows of four textures.
+
+    Each window is a sine with drift and noise.
+    """
     rng = np.random.default_rng(0)
     label = np.resize(['a', 'b', 'c', 'd'], trials)
     frequency_hz = np.resize([4.0, 5.0, 7.0, 9.0], trials)

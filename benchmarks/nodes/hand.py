@@ -60,7 +60,7 @@ processes = multiprocessing.get_context('spawn')
 
 @dataclass(frozen=True)
 class Case:
-    """Sample rate and block size."""
+    """Sample rate, number of samples per block, and number of blocks per window."""
 
     rate_hz: int
     block: int
@@ -71,7 +71,7 @@ class Case:
         return round(1e9 / self.rate_hz)
 
     def feature_parameters(self) -> dict[str, Any]:
-        """Return the parameters of the feature node for consecutive windows without crops."""
+        """Return parameters of the feature node, so that each glide is one whole window."""
         return {
             'rate_hz': float(self.rate_hz),
             'texture_samples': self.block * self.blocks_a_window,
@@ -87,7 +87,7 @@ CASE = Case(rate_hz=60, block=1, blocks_a_window=30)
 
 @dataclass
 class Run:
-    """Result of one run of the nodes, or of plain relays of messages."""
+    """Result of one run of the nodes, or of the relays that only pass on messages."""
 
     latencies_s: list[float]
     wanted: int
@@ -96,7 +96,10 @@ class Run:
 
 
 def run_hand(quick: bool) -> Report:
-    """Measure the nodes and plain relays of messages alternately, then `tactile hand`."""
+    """Measure the nodes alternately with relays that only pass on messages.
+
+    After that, measure `tactile hand`.
+    """
     seconds = 3.0 if quick else 8.0
     runs: dict[str, list[Run]] = {'bare': [], 'ours': []}
     with make_model(CASE) as model, domain_id() as domain:
@@ -136,7 +139,10 @@ def run_hand(quick: bool) -> Report:
 
 
 def _run(domain: int, who: str, model: str, seconds: float) -> Run:
-    """Start the sink, then the nodes, and wait for their reports."""
+    """Start a process that receives classifications, then a process of nodes; return the result.
+
+    If ``who`` is ``ours``, these are the nodes of this repository, otherwise relays.
+    """
     ready, over = processes.Event(), processes.Event()
     reports, sunk = processes.Queue(), processes.Queue()
     sink = processes.Process(target=_collect, args=(domain, ready, over, sunk))
@@ -160,7 +166,11 @@ def _run(domain: int, who: str, model: str, seconds: float) -> Run:
 
 
 def _work(domain: int, who: str, model: str, seconds: float, reports: Any) -> None:
-    """Run the nodes of all fingers and their sources; report sent windows, CPU and memory."""
+    """Run the nodes of all fingers, and send them samples.
+
+    Put three values into ``reports``: the completion time of each window, the processor time [s]
+    and the memory [MB].
+    """
     with ros_context(domain) as context:
         source = Node('source', context=context)
         trials = {f: source.create_publisher(TrialEvent, f'{f}/{TRIALS}', EVENTS) for f in FINGERS}
@@ -183,7 +193,7 @@ def _work(domain: int, who: str, model: str, seconds: float, reports: Any) -> No
                 if time.monotonic() > deadline_s:
                     raise TimeoutError('the nodes do not subscribe')
                 time.sleep(0.01)
-            time.sleep(2 * DRAIN_S)  # wait until all classifications have arrived
+            time.sleep(2 * DRAIN_S)  # wait until the other process has matched the publishers
             before_s = time.process_time()
             published = _publish(seconds, trials, send)
             reports.put((published, time.process_time() - before_s, memory_mb(os.getpid())[0]))
@@ -213,7 +223,7 @@ def _our_nodes(model: str, finger: str, context: Context) -> list[Any]:
 
 
 def _bare_nodes(finger: str, context: Context) -> list[Any]:
-    """Return two relays of messages with the same types and sizes, without computations."""
+    """Return two nodes that pass on messages of the same types and sizes without computing."""
     features, classifier = (
         Node(name, namespace=finger, context=context)
         for name in ('tactile_features', 'tactile_classifier')
@@ -244,7 +254,10 @@ def _bare_nodes(finger: str, context: Context) -> list[Any]:
 def _publish(
     seconds: float, trials: dict[str, Any], send: dict[str, Callable[[StrainRecord], None]]
 ) -> dict[tuple[str, int], int]:
-    """Send windows of all fingers in real time; return the completion time of each window."""
+    """Send the samples and events of all fingers in real time.
+
+    Return the time at which each window was complete [ns], by finger and end of the window.
+    """
     published: dict[tuple[str, int], int] = {}
     block_s = CASE.block / CASE.rate_hz
     tension_n = np.random.default_rng(6).normal(5.0, 0.1, CASE.block)
@@ -284,7 +297,7 @@ def make_event(stamp_ns: int, window: int, phase: str) -> Any:
 
 
 def _collect(domain: int, ready: Any, over: Any, sunk: Any) -> None:
-    """Record the arrival time of each classification, by finger and end of window."""
+    """Record the arrival time of each classification, by finger and end of the window."""
     arrived: dict[tuple[str, int], int] = {}
     with ros_context(domain) as context:
         node = Node('sink', context=context)
@@ -316,7 +329,7 @@ def _to_time(stamp_ns: int) -> Any:
 
 @contextmanager
 def make_model(case: Case) -> Iterator[str]:
-    """Create a model file for windows of this case."""
+    """Create a model file for the sample rate and window length of a case; yield its path."""
     rng = np.random.default_rng(5)
     labels = np.repeat([f'plate {i}' for i in range(8)], 12)
     config = FeatureConfig(**case.feature_parameters())

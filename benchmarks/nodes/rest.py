@@ -52,7 +52,11 @@ START = {'do': 'move', 'position_m': 0.06, 'speed_m_s': 0.1}
 
 
 class Phase(NamedTuple):
-    """Steps before the fault, the interrupted step, and its motion."""
+    """Phase of a trial in which the fault occurs.
+
+    ``before`` has the requests that are executed first. ``action`` is the request during which the
+    fault occurs; without it, nothing moves at the time of the fault.
+    """
 
     before: tuple[dict[str, Any], ...]
     action: dict[str, Any] | None
@@ -189,9 +193,11 @@ def _wait_for_motion(rig: SimulatedRig) -> None:
 
 
 def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
-    """Return the times of the last guide motion, the last tightening, and slack [s].
+    """Cause a fault, and return how long after it the devices came to rest [s].
 
-    ``slack`` is -1 if the tendon stays taut.
+    ``guide`` is the time of the last motion of the guide, ``tendon`` the time at which the tendon
+    was last tightened, and ``slack`` the time at which the tendon became slack. ``slack`` is -1 if
+    the tendon stays taut.
     """
     guide_m, tendon_m = _positions(rig)
     cause()
@@ -199,7 +205,8 @@ def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
     times = {'guide': 0.0, 'tendon': 0.0, 'slack': -1.0}
     while (passed_s := time.monotonic() - began_s) < WATCHED_S:
         guide_now_m, tendon_now_m = _positions(rig)
-        # Compare with the position at the last detected motion, so that slow motion is detected.
+        # Positions are compared with the position at the last detected motion and not with the
+        # previous sample, so that slow motion is detected.
         if abs(guide_now_m - guide_m) >= GUIDE_STEP_M:
             times['guide'], guide_m = passed_s, guide_now_m
         if tendon_now_m - tendon_m >= TENDON_STEP_M:

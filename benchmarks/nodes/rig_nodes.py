@@ -58,11 +58,11 @@ class Use(NamedTuple):
     """Resources used by one node."""
 
     share: float  # processor time of the process and its children, divided by wall time
-    memory_mb: float  # if n processes share a page, it counts as 1/n
+    memory_mb: float  # a page of memory that n processes share counts as 1/n
 
 
 def run_rig_nodes(quick: bool) -> Report:
-    """Measure every node, alternately with another checkout if one is named."""
+    """Measure every node, alternately with another checkout if `OTHER_CHECKOUT` is set."""
     other = find_other_checkout()
     rounds, duration_s = (2, 10.0) if quick else (3, 30.0)
     ours, theirs = [], []

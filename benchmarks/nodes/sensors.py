@@ -38,7 +38,7 @@ BLOCK_HZ = 100
 
 
 def run_sensors(quick: bool) -> Report:
-    """Measure processor time, loss and latency of the node at four rates."""
+    """Measure the sensor node with lines of text at two rates, then with one and five Net F/T."""
     seconds = 3.0 if quick else 8.0
     with domain_id() as domain:
         rows = [
@@ -158,7 +158,7 @@ class _Subscriber:
             if time.monotonic() > deadline_s:
                 raise TimeoutError('the sensor nodes do not publish')
             self.spin()
-        time.sleep(SETTLE_S)  # wait for the publishers, whose matching cannot be observed here
+        time.sleep(SETTLE_S)  # wait until the publishers have matched this subscription, too
 
     def _take(self, sensor: int, message: Any) -> None:
         at_s = time.perf_counter()
@@ -171,7 +171,7 @@ class _Subscriber:
 
 
 def _write(master: int, rate_hz: int, count: int, sent_s: dict[int, float]) -> None:
-    """Write lines at a rate; the tension of each line is its number [mN]."""
+    """Write sensor lines at a rate. The tension in a line is the number of the line [mN]."""
     next_s = time.perf_counter()
     for number in range(count):
         next_s += 1 / rate_hz
@@ -183,9 +183,9 @@ def _write(master: int, rate_hz: int, count: int, sent_s: dict[int, float]) -> N
 
 @contextmanager
 def _running_nodes(domain: int, parameters: list[dict[str, Any]]) -> Iterator[Callable[[], float]]:
-    """Run sensor nodes in a process.
+    """Run sensor nodes in a separate process within the ``with`` block.
 
-    Provide a function that ends the process, and returns its processor time divided by wall time.
+    Yield a function that ends the process, and returns its processor time divided by wall time.
     """
     processes = multiprocessing.get_context('spawn')
     load, is_over = processes.Queue(), processes.Event()

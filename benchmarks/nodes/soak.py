@@ -64,7 +64,10 @@ processes = multiprocessing.get_context('spawn')
 def run_nodes(
     folder: Path, fingers: tuple[str, ...], model: str, domain: int, orders: Any, is_up: Any
 ) -> None:
-    """Run the nodes of some fingers, with the recorder for the first four; execute commands."""
+    """Run the nodes of some fingers, and restart each node whose name arrives in ``orders``.
+
+    The process of the first four fingers also runs the recorder.
+    """
     threading.Thread(target=_end_with_parent, daemon=True).start()
     descriptions = [
         NodeDescription(name, parameters, namespace=finger)
@@ -107,7 +110,7 @@ class Running:
         self.process.start()
 
     def wait(self) -> None:
-        """Wait until its nodes are active."""
+        """Wait until the nodes of the process are active."""
         if not self.is_up.wait(START_S):
             raise RuntimeError('a process of the soak did not start')
 
@@ -133,7 +136,7 @@ class Hand:
         self.trials_without: set[tuple[str, str]] = set()
 
     def meet_fault(self, now_s: float) -> None:
-        """Inject the next fault: unplug a sensor, cycle a node, or kill a process."""
+        """Inject the next fault: unplug a sensor, restart a feature node, or kill a process."""
         turn, kind = divmod(self._faults.total(), 3)
         finger = FINGERS[turn % 4]
         if kind == 0:
@@ -147,7 +150,7 @@ class Hand:
         self._faults[('unplugged', 'taken down', 'killed')[kind]] += 1
 
     def look(self, now_s: float, trial: int) -> None:
-        """Reconnect sensors after their time, and note the trials affected by a killed process."""
+        """Plug a sensor in again when its time is over; note trials without a running process."""
         if now_s > self._plug_at_s:
             self.ports[self._unplugged].open()
             self._plug_at_s = math.inf
@@ -155,7 +158,7 @@ class Hand:
             self.trials_without.add((KILLED, f'w{trial}'))
 
     def end(self) -> dict[str, int]:
-        """End the processes; return the numbers of faults and the exit code."""
+        """End the processes; return the number of faults of each kind, and the exit code."""
         codes = [abs(running.end() or 0) for running in (self.main, self.fifth)]
         for port in self.ports.values():
             port.close()
@@ -178,7 +181,10 @@ def soak(minutes: float, fault_s: float, folder: Path) -> dict[str, Any]:
 def _feed(
     minutes: float, fault_s: float, hand: Hand, trials: dict[str, Any]
 ) -> tuple[int, list[dict[str, float]]]:
-    """Send lines, events and faults in real time; return the number of trials and a series."""
+    """Send sensor lines and trial events, and inject faults, in real time.
+
+    Return the number of trials, and a series of measurements of memory and processor time.
+    """
     rng = np.random.default_rng(15)
     series: list[dict[str, float]] = []
     pid = hand.main.process.pid
@@ -222,9 +228,9 @@ def _feed(
 def count_recording(path: Path, trials: int, excused: set[tuple[str, str]]) -> dict[str, int]:
     """Count the contents of a recording, and the missing samples that were not reported.
 
-    A gap in the sequence numbers must be reported by ``lost_before``, and a gap in time by
-    ``lost_before`` or by the status. If sequence numbers restart, the process of the sensor was
-    restarted.
+    A gap in the sequence numbers must be reported by the field ``lost_before`` of the next block,
+    and a gap in time by ``lost_before`` or by ``status``. If sequence numbers restart, the process
+    of the sensor was restarted. ``excused`` has the trials during which a process was not running.
     """
     counts: Counter[str] = Counter()
     windows: set[tuple[str, str]] = set()
@@ -268,7 +274,10 @@ def count_recording(path: Path, trials: int, excused: set[tuple[str, str]]) -> d
 
 
 def memory_growth_mb_h(series: list[dict[str, float]]) -> float:
-    """Return the slope of private memory after ten minutes [MB/h]; NaN for a shorter run."""
+    """Return the growth of private memory after the first ten minutes [MB/h].
+
+    It is NaN if the run was shorter.
+    """
     late = [(row['s'], row['private_mb']) for row in series if row['s'] > SETTLED_S]
     if len(late) < 6:
         return math.nan
@@ -277,7 +286,7 @@ def memory_growth_mb_h(series: list[dict[str, float]]) -> float:
 
 
 def draw(series: list[dict[str, float]], path: Path) -> None:
-    """Draw memory and CPU time over time."""
+    """Draw memory and processor load over the duration of the test."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7, 4), layout='constrained')

@@ -60,7 +60,8 @@ def make_trials(
 ) -> Trials:
     """Simulate 60 trials of each label in one session, and compute the paper's features.
 
-    The object is mounted again after ``per_mounting`` trials; with 60, there is one mounting.
+    The object is mounted again after every ``per_mounting`` trials. With the default of 60 it is
+    mounted once.
     ``rig`` is YAML that replaces values of the packaged ``rig.yaml``.
     """
     with tempfile.TemporaryDirectory() as folder:

@@ -43,11 +43,11 @@ SEED = 2
 SCALINGS = {'not scaled': False, 'scaled': True}
 RBF = CLASSIFIERS.index('RBF SVM')
 SHOWN_HOLD = 'rubber_shell'
-"""Object of the hold that is compared with Fig. 7. The paper does not name the object of Fig.
-7."""
+"""Object whose simulated hold is compared with Fig. 7 of the paper, which does not name its
+object."""
 
 UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
-"""Units of force, and number of units per newton."""
+"""Units of force, and the value of one newton in each unit."""
 
 
 class Result(NamedTuple):
@@ -197,7 +197,7 @@ def _list_scaling_causes(results: dict[tuple[str, str], Result]) -> list[Row]:
 
 
 def find_scaling_cause(trials: Trials) -> tuple[FloatArray, dict[str, float]]:
-    """Return why the RBF SVM needs scaling.
+    """Return two values that explain why the RBF SVM needs scaled features.
 
     The first value is the fraction that each feature contributes to the squared distance between
     trials [1]. The second value has the accuracies of the RBF SVM for unscaled features [1]; the

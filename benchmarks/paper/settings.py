@@ -28,8 +28,8 @@ SEEDS = tuple(range(1, 21))
 class Setting:
     """Settings of simulation and classification.
 
-    The object is mounted again after ``per_mounting`` trials. ``rig`` is YAML that replaces values
-    of the packaged ``rig.yaml``. ``newton`` is the number of units of force per newton, for
+    The object is mounted again after every ``per_mounting`` trials. ``rig`` is YAML that replaces
+    values of the packaged ``rig.yaml``. ``newton`` is the number of units of force per newton, for
     example 1000 for features in millinewtons. For ``gamma`` and ``scaled`` see `cross_validate`.
     """
 
@@ -65,7 +65,7 @@ SETTINGS = (
 
 
 def run_paper_settings(quick: bool) -> Report:
-    """Change one setting at a time, and count the seeds for which the statements hold."""
+    """Change one setting at a time, and count the seeds that agree with each statement."""
     seeds = SEEDS[:1] if quick else SEEDS
     rows = [
         Row(f'{setting.name}; {task}, {contact}', more=_judge(setting, task, contact, seeds))

@@ -39,24 +39,27 @@ BEST = {
     ('stiffness', 'flexion'): 0.994,
     ('stiffness', 'abduction'): 0.997,
 }
-"""Best accuracy of each set [1]. Section I of the paper has four numbers; this order is
-assumed."""
+"""Best published accuracy for each task and contact [1].
+
+Section I of the paper states four numbers; it is assumed that they are in this order.
+"""
 
 CLASSIFIERS = {
     'texture': ('100', 'lower', '100', 'high'),
     'stiffness': ('> 97.2', '> 97.2', 'dramatically lower', '> 97.2'),
 }
-"""Statements of section IV on each classifier, in the order of `protocol.CLASSIFIERS` [%]."""
+"""Accuracy of each classifier according to section IV [%], in the order of
+`protocol.CLASSIFIERS`."""
 
 HOLD = (-0.90, 12.62, -0.99)
 """Slope [N/s], intercept [N] and correlation of the flexion trial of Fig. 7."""
 
 EXCUSED = {'correlation pla/solid_rubber', 'correlation pla/rubber_shell'}
-"""Features and pairs of objects that do not differ in the paper either."""
+"""Features and pairs of objects whose difference is not significant in the paper either."""
 
 
 class Statement(NamedTuple):
-    """One statement of section IV on a task.
+    """One statement about a task in section IV of the paper.
 
     ``agrees`` takes accuracies of shape (..., 4), in the order of `protocol.CLASSIFIERS`, and
     results of `measure_alike`, shape (...). It returns booleans of shape (...).
@@ -134,10 +137,12 @@ def contacts_agree(best: tuple[float, float]) -> bool:
 
 
 def measure_alike(task: str, trials: Trials) -> float:
-    """Return the fraction of components [1], or the number of pairs, that do not differ.
+    """Return how many of the rank-sum tests do not show a difference.
 
-    For textures, components above 0 Hz whose mean p over the pairs of plates is above 0.05. For
-    stiffness, pairs of objects and features with p above 0.05, except `EXCUSED`.
+    For textures, the result is the fraction of the Fourier components above 0 Hz whose mean
+    p-value over the pairs of plates is above 0.05 [1]. For stiffness, it is the number of
+    combinations of a feature and a pair of objects whose p-value is above 0.05, without those in
+    `EXCUSED`.
     """
     if task == 'texture':
         mean_p = rank_sum_p_values(trials.values, trials.labels).mean_p
@@ -146,7 +151,7 @@ def measure_alike(task: str, trials: Trials) -> float:
 
 
 def find_alike(trials: Trials) -> set[str]:
-    """Return stiffness features and pairs of objects with p above 0.05, as texts."""
+    """Return each stiffness feature and pair of objects whose p-value is above 0.05, as a text."""
     found = rank_sum_p_values(trials.values, trials.labels)
     return {
         f'{name} {found.labels[j]}/{found.labels[i]}'

@@ -17,7 +17,7 @@ from tactile_sim.physics.trials import simulate_trials
 Array = NDArray[np.float64]
 
 FIRST_SEED = 2000
-"""Seeds of the simulation. Methods were chosen with other seeds."""
+"""First seed of the simulation. The methods were chosen with other seeds."""
 
 TRAIN = 6
 TRAIN_TRIALS, TEST_TRIALS = 8, 4
@@ -25,12 +25,12 @@ TRAIN_TRIALS, TEST_TRIALS = 8, 4
 
 
 def count_seeds(quick: bool) -> tuple[range, int]:
-    """Return the seeds, and the number of test sessions per seed."""
+    """Return the seeds, counted from `FIRST_SEED`, and the number of test sessions per seed."""
     return (range(2), 10) if quick else (range(20), 40)
 
 
 def describe(seeds: range, tests: int) -> str:
-    """Describe the simulated sessions."""
+    """Return a description of the simulated sessions for the title of a report."""
     return (
         f'SIMULATED, {len(seeds)} seeds, {TRAIN} training sessions of {TRAIN_TRIALS} trials per '
         f'label, {tests} test sessions of {TEST_TRIALS} trials per label'
@@ -42,7 +42,7 @@ def simulate_windows(
 ) -> tuple[Array, NDArray[np.str_], NDArray[np.intp], float]:
     """Return the windows of trials, their labels and sessions, and the sample rate [Hz].
 
-    Sessions below `TRAIN` are for training.
+    Sessions with numbers below `TRAIN` are for training.
     """
     planned = plan_trial(TrialConfig(), TrialRequest(protocol, contact))
     catalogue = default_catalogue()

@@ -29,11 +29,11 @@ CASES = (
     ('stiffness', 'hold_waveform'),
     ('texture', 'glide_waveform'),
 )
-"""Protocols and feature sets: the defaults, and the waveforms for random convolutions."""
+"""Protocols and feature sets: the default sets, and the waveforms that random convolutions use."""
 
 
 def run_thresholds(quick: bool) -> Report:
-    """Measure false rejection and missed unknown objects."""
+    """Measure how often known objects are rejected and unknown objects are missed."""
     seeds, tests = count_seeds(quick)
     rows = []
     for protocol, features in CASES:
@@ -51,7 +51,11 @@ def run_thresholds(quick: bool) -> Report:
 
 
 def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) -> Array:
-    """Return false rejection and misses of both thresholds, and accuracy, per test session [%]."""
+    """Return five fractions for each test session, shape (sessions, 5) [%].
+
+    The fractions are the false rejections with the default and with the strict threshold, the
+    missed unknown objects with each of these thresholds, and the accuracy.
+    """
     windows, labels, sessions, rate_hz = simulate_windows(protocol, contact, seed, tests)
     config = FeatureConfig(**{f'{protocol}_features': features})
     values, spec = features_from_trials(protocol, windows, rate_hz, config=config)

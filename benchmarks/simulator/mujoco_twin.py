@@ -27,7 +27,7 @@ from tactile_sim.physics.scene import Surface
 FloatArray = NDArray[np.float64]
 Positions = Callable[[FloatArray], FloatArray]
 
-_NEVER_M = 1e3  # upper end of the dead band of the tendon, which never pushes
+_NEVER_M = 1e3  # end of the tendon's dead band; so high that the tendon never pushes
 _POINT_KG_M2 = 1e-12  # MuJoCo requires moments of inertia above zero
 
 
@@ -47,7 +47,11 @@ class TwinContact:
 
 
 class TipState(NamedTuple):
-    """Forces of the plate on the tip, position of sticking, and compression of the rubber."""
+    """Contact of tip and plate.
+
+    It contains the normal force and the friction of the plate on the tip [N], the position on the
+    plate at which the tip sticks, and the compression of the rubber of the tip [m].
+    """
 
     normal_n: float
     friction_n: float
@@ -136,7 +140,11 @@ def press_tip(
     tip: TipState,
     step_s: float,
 ) -> TipState:
-    """Compute the contact for one step, at a drop and a position on the surface [m]."""
+    """Return the contact after one step.
+
+    ``drop_m`` is how far the tip is below its straight position, and ``place_m`` is its position
+    on the surface [m]. ``tip`` is the contact before the step.
+    """
     indentation_m = drop_m - contact.clearance_m + _sample(contact.surface, place_m)[0]
     # The rubber is a spring and damper in parallel. It never pulls, and recovers without load.
     damper_n_m = finger.tip_damping_n_s_m / step_s

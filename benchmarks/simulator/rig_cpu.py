@@ -36,7 +36,7 @@ HIDE_NUMBA = "import sys; sys.modules['numba'] = None; "
 
 
 class Rates(NamedTuple):
-    """Polling rates of the drivers [1/s]."""
+    """Rates at which the drivers poll servo and guide [1/s]."""
 
     servo_hz: float
     guide_hz: float
@@ -46,7 +46,7 @@ REST, MOTION = Rates(25.0, 5.0), Rates(60.0, 10.0)
 
 
 class Case(NamedTuple):
-    """Number of rigs in a process, motion, and use of numba."""
+    """Number of rigs in one process, whether the rig is in a glide, and whether numba is used."""
 
     rigs: int
     glides: bool
@@ -63,7 +63,10 @@ CASES = {
 
 
 def encode_packet(code: int, parameters: bytes) -> bytes:
-    """Encode an instruction to servo 1; byte stuffing is not needed."""
+    """Encode an instruction to the servo with ID 1.
+
+    Byte stuffing is left out, because none of the packets needs it.
+    """
     packet = HEADER + b'\1' + (len(parameters) + 3).to_bytes(2, 'little')
     packet += bytes([code]) + parameters
     return packet + compute_crc(packet).to_bytes(2, 'little')
@@ -79,7 +82,7 @@ POLL_SERVO = encode_packet(READ, b''.join(value.to_bytes(2, 'little') for value 
 
 
 class Rigs:
-    """A process of simulated rigs, with the driver side of its ports."""
+    """A process with simulated rigs, whose ports are polled as the drivers would poll them."""
 
     def __init__(self, case: Case, checkout: Path | None, folder: Path) -> None:
         environment = dict(os.environ)
@@ -110,7 +113,7 @@ class Rigs:
         return answer
 
     def mount(self, *names: str) -> None:
-        """Mount a plate or object under the finger of the rig."""
+        """Mount a plate or object under the finger of the first rig."""
         assert self.process.stdin is not None
         keys = ('protocol', 'object', 'contact')
         self.process.stdin.write(
@@ -124,7 +127,7 @@ class Rigs:
         os.write(self._ports[0][device], data)
 
     def poll(self, duration_s: float, rates: Rates) -> None:
-        """Poll the devices like the drivers, and read the replies."""
+        """Poll the devices of all rigs at the rates of the drivers, and read the replies."""
         end_s = time.monotonic() + duration_s
         servo_s = guide_s = time.monotonic()
         while (now_s := time.monotonic()) < end_s:
@@ -143,7 +146,7 @@ class Rigs:
             time.sleep(max(min(servo_s, guide_s, end_s) - time.monotonic(), 0.0))
 
     def cpu_s(self) -> float:
-        """Processor time of all threads until now [s]."""
+        """Return the processor time that the process has used until now [s]."""
         return read_processor_s(self.process.pid)
 
     def close(self) -> None:
@@ -171,7 +174,7 @@ def run_rigs(case: Case, checkout: Path | None) -> Iterator[Rigs]:
 
 
 def _begin_glide(rigs: Rigs) -> None:
-    """Home, press the finger on a plate with the tendon, and start the motion."""
+    """Home the guide, press the finger on a plate by pulling the tendon, and start a glide."""
     rigs.send('guide', b'$24=1000\n$25=6000\n$H\n')
     for register, value in (
         (known.OPERATING_MODE, known.MODE_CURRENT_BASED_POSITION),
@@ -193,7 +196,7 @@ def _begin_glide(rigs: Rigs) -> None:
 
 
 def measure_share(case: Case, checkout: Path | None, duration_s: float) -> float:
-    """Return the processor time of the process relative to wall time."""
+    """Return the processor time of the process of the rigs, divided by wall time."""
     with run_rigs(case, checkout) as rigs:
         before_s, started_s = rigs.cpu_s(), time.monotonic()
         rigs.poll(duration_s, MOTION if case.glides else REST)
@@ -201,15 +204,14 @@ def measure_share(case: Case, checkout: Path | None, duration_s: float) -> float
 
 
 def run_rig_cpu(quick: bool) -> Report:
-    """Measure every case, alternately with another checkout if one is named."""
+    """Measure every case, alternately with another checkout if `OTHER_CHECKOUT` is set."""
     other = find_other_checkout()
     rounds, duration_s = (2, 2.0) if quick else (4, 4.0)
     rows = []
     for name, case in CASES.items():
         shares: list[tuple[float, float | None]] = []
         for _ in range(rounds):
-            # The cases without numba are measured only for this checkout; the other one may need
-            # numba.
+            # The other checkout is always measured with numba, because it may not work without.
             theirs = None
             if other is not None:
                 theirs = measure_share(case._replace(has_numba=True), other, duration_s)

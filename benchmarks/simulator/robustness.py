@@ -66,7 +66,7 @@ USUAL = Setting('contact depth (1)', 1.0)
 
 @dataclass(frozen=True)
 class Study:
-    """Contact, seed, number of sessions, and trials per label and session."""
+    """Contact, seed, numbers of sessions, and numbers of trials per label and session."""
 
     contact: str = 'flexion'
     seed: int = 1
@@ -78,7 +78,7 @@ class Study:
 
 @dataclass(frozen=True)
 class Features:
-    """Features and labels of the trials that have features."""
+    """Features and labels of the trials that have features, and the number of all trials."""
 
     values: FloatArray
     labels: NDArray[np.str_]
@@ -86,7 +86,7 @@ class Features:
 
 
 def list_settings(noise_n: float, speed_m_s: float) -> list[Setting]:
-    """Return the tested conditions, based on noise and speed of the rig."""
+    """Return the tested conditions, for a rig with this noise and this speed by default."""
     lost = (0.0, 0.003, 0.01, 0.03, 0.1)
     found = [
         Setting('noise (N)', noise_n * s, noise_n=noise_n * s) for s in (1.0, 3.0, 10.0, 30.0)
@@ -101,7 +101,7 @@ def list_settings(noise_n: float, speed_m_s: float) -> list[Setting]:
 
 
 def run_robustness(quick: bool) -> Report:
-    """Simulate all conditions, and measure the accuracy of nearest neighbours."""
+    """Simulate all conditions, and measure the accuracy of a nearest-neighbour classifier."""
     study = Study(train_sessions=1, test_sessions=1, train_trials=4) if quick else Study()
     catalogue = default_catalogue()
     speed_m_s = TrialConfig().glide_speed_m_s
@@ -145,7 +145,10 @@ def _run_protocol(
 
 
 def score(protocol: str, train: Features, test: Features) -> float | None:
-    """Return the accuracy over all test trials, or None without training trials."""
+    """Return the accuracy over all test trials, or None if there are too few training trials.
+
+    Test trials without features count as wrong.
+    """
     if len(train.labels) < 3 or len(np.unique(train.labels)) < 2:
         return None
     if not len(test.labels):
@@ -193,7 +196,7 @@ def _configure(study: Study, setting: Setting) -> TrialConfig:
 class CleanTrials:
     """Simulated motion of several trials of one label in one session.
 
-    Several sensors can be applied to the same motion.
+    The readings of different sensors can be computed from the same motion.
     """
 
     def __init__(
@@ -221,7 +224,7 @@ class CleanTrials:
         self._sensed_n = motion.sensed_n
 
     def sense(self, noise_n: float | None = None) -> FloatArray:
-        """Return the readings, shape (trials, samples) [N]; NaN if a trial failed."""
+        """Return the readings of a sensor, shape (trials, samples) [N]; NaN if a trial failed."""
         variation, generators = draw_variation(*self._draw)
         cell = self._cell if noise_n is None else replace(self._cell, noise_n=noise_n)
         return read_tension(cell, self._sensed_n, variation.sensor_bias_n, generators)

@@ -26,11 +26,14 @@ from tactile_sim.physics.trials import STEPS_PER_SAMPLE
 STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
 REFERENCE_STEPS = 160
 BOUND_PERCENT = 2.5
-"""Bound of the error of the sensor signal. The error of the tension is only reported."""
+"""Bound of the error of the sensor signal, for the default number of steps.
+
+The error of the tension has no bound and is only reported.
+"""
 
 
 def run_simulator(quick: bool) -> Report:
-    """Vary the number of steps for random texture trials."""
+    """Measure speed and error of random texture trials for several numbers of steps per sample."""
     sets = [
         draw_trials('texture', plate, contact, 32 if quick else 64)
         for plate in PLATES
@@ -68,7 +71,10 @@ def run_simulator(quick: bool) -> Report:
 
 
 def _simulate_all(sets: list[DrawnTrials], steps: int) -> tuple[FloatArray, FloatArray]:
-    """Return windows of tension and of sensor input, shape (trials, samples) [N]."""
+    """Return the windows of the tension, and of the signal that the sensor receives.
+
+    Both have the shape (trials, samples) [N].
+    """
     tension, sensed = [], []
     for trials in sets:
         motion = trials.simulate(steps)

@@ -52,8 +52,9 @@ class DrawnTrials:
 def draw_trials(protocol: str, label: str, contact: str, count: int) -> DrawnTrials:
     """Draw random trials of several sessions.
 
-    The sampling phase is 0 or half a sample, so that samples coincide with the end of a step for
-    any even number of steps per sample, as in `simulate_trials`.
+    The samples of a trial are shifted by 0 or half a sample period. Therefore each sample
+    coincides with the end of a step for any even number of steps per sample, as in
+    `simulate_trials`.
     """
     parts = []
     for session in range(-(-count // _SESSION_TRIALS)):
@@ -69,7 +70,7 @@ def draw_trials(protocol: str, label: str, contact: str, count: int) -> DrawnTri
 
 
 def find_window(protocol: str, planned: TrialSchedule) -> slice:
-    """Return the samples used for features, of the glide or of the hold."""
+    """Return the range of samples, within the glide or the hold, that is used for features."""
     config, phases = FeatureConfig(), dict(planned.phases)
     if protocol == 'texture':
         first = int(np.ceil((phases['glide'] + config.texture_crop_start_s) * planned.rate_hz))
@@ -80,7 +81,7 @@ def find_window(protocol: str, planned: TrialSchedule) -> slice:
 
 
 def cut_after_window(planned: TrialSchedule, window: slice) -> Timeline:
-    """Return the timeline of a trial up to the end of the window."""
+    """Return the planned motion of a trial up to the end of the window."""
     moves = planned.timeline
     until_s = (window.stop + 1) / planned.rate_hz
     return Timeline(
@@ -105,7 +106,10 @@ def remove_line(windows: FloatArray) -> FloatArray:
 
 
 def compare(ours: FloatArray, reference: FloatArray) -> FloatArray:
-    """Return the norm of the difference relative to the reference, along the last axis [%]."""
+    """Return the error of ``ours``, along the last axis [%].
+
+    It is the norm of the difference divided by the norm of the reference.
+    """
     distance = np.linalg.norm(ours - reference, axis=-1)
     return np.asarray(100 * distance / np.linalg.norm(reference, axis=-1))
 
@@ -128,5 +132,5 @@ def time_in_turns(works: Sequence[Callable[[], object]], rounds: int) -> FloatAr
 
 
 def name_choice(steps: int) -> str:
-    """Return the name of a simulation with ``steps`` steps per sample."""
+    """Return the name, for a report, of a simulation with ``steps`` steps per sample."""
     return f'{steps} steps' + (', default' if steps == STEPS_PER_SAMPLE else '')

@@ -44,20 +44,24 @@ DENSE = STEPS_PER_SAMPLE
 comparing only samples would test the same few positions of each groove."""
 
 HINGES, FEW_HINGES = 22, 11
-"""Numbers of hinges: for the comparison of errors, and for the comparison of speed."""
+"""Numbers of hinges of the finger in MuJoCo: the first for the comparison of tensions, the second
+for the comparison of speeds."""
 
 REFERENCE_STEPS = 16
 FINE_S = 5e-5
 SPEED_STEPS_S = (1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
 SPEED_FINE_S = 2e-5
 OUR_FACTORS = (1, 2, 3, 4, 6)
-"""Number of steps of the fine simulation, as a multiple of the default."""
+"""Numbers of steps per sample in the comparison of speeds, as multiples of the default."""
 
 BATCH = 64
 
 
 class Tensions(NamedTuple):
-    """Window of one trial: tension and input of the sensor [N], shape (samples,)."""
+    """Tension, and signal that the sensor receives, in the window of one trial [N].
+
+    Both have the shape (samples,).
+    """
 
     tension_n: FloatArray
     sensed_n: FloatArray
@@ -67,7 +71,8 @@ class Tensions(NamedTuple):
 class Match:
     """One flexion trial up to the end of its window, with settings that both simulators support.
 
-    The scene has no tendon friction and no creep. ``window`` refers to `DENSE` values per sample.
+    The scene has no tendon friction and no creep. The indices of ``window`` count `DENSE` values
+    per sample.
     """
 
     scene: Scene
@@ -75,7 +80,7 @@ class Match:
     window: slice
 
     def compute_window(self, factor: int, *, inertia: bool = True) -> Tensions:
-        """Simulate the window with a multiple of the default number of steps."""
+        """Simulate the trial with a multiple of the default number of steps; return the window."""
         cell = self.scene.rig.load_cell
         fast = dataclasses.replace(cell, rate_hz=DENSE * cell.rate_hz)
         rig = dataclasses.replace(self.scene.rig, load_cell=fast)
@@ -103,7 +108,7 @@ class Match:
         )
 
     def sample_twin(self, twin: TwinResult) -> Tensions:
-        """Return the window of the MuJoCo trial, with the same sensor."""
+        """Return the window of a MuJoCo trial, with the sensor of this simulator."""
         cell = self.scene.rig.load_cell
         step_s = float(twin.times_s[1] - twin.times_s[0])
         keep, early, late = low_pass_coefficients(step_s, cell.low_pass_hz)
@@ -131,7 +136,7 @@ def match_trial(plate: str) -> Match:
 
 
 def run_twin(quick: bool) -> Report:
-    """Compare with MuJoCo at matching settings."""
+    """Compare the tension of this simulator with the tension of MuJoCo."""
     fine_s = 2 * FINE_S if quick else FINE_S
     rows = []
     for plate in _choose_plates(quick):
@@ -155,7 +160,7 @@ def run_twin(quick: bool) -> Report:
 
 
 def run_twin_speed(quick: bool) -> Report:
-    """Compare speeds at equal errors."""
+    """Measure speed and error of this simulator and of MuJoCo, for several lengths of the step."""
     matches = [match_trial(plate) for plate in _choose_plates(quick)]
     rows, default_s = _measure_ours(matches, quick)
     reference = [match.sample_twin(match.simulate_twin(SPEED_FINE_S)) for match in matches]
@@ -183,7 +188,10 @@ def _choose_plates(quick: bool) -> tuple[str, ...]:
 
 
 def _measure_ours(matches: list[Match], quick: bool) -> tuple[list[Row], float]:
-    """Return the rows of this simulator by step, and the time with the default step [s]."""
+    """Measure this simulator with each of `OUR_FACTORS`.
+
+    Return the rows of the report, and the time of a trial with the default step [s].
+    """
     match = match_trial('R3')
     drawn = draw_trials('texture', 'R3', 'flexion', BATCH).variation
     works = [
@@ -218,7 +226,7 @@ def _speed_row(
 
 
 def _compare_largest(found: list[Tensions], reference: list[Tensions]) -> tuple[float, float]:
-    """Return the largest errors over the plates, of tension and of sensor input [%]."""
+    """Return the largest error of the tension and of the sensor's input over all plates [%]."""
     pairs = list(zip(found, reference, strict=True))
     tension = [compare(remove_mean(a.tension_n), remove_mean(b.tension_n)) for a, b in pairs]
     sensed = [compare(remove_mean(a.sensed_n), remove_mean(b.sensed_n)) for a, b in pairs]
