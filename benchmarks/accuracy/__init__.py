@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracy of features and classifiers, compared with other libraries."""
+"""Benchmarks of the accuracy of features and classifiers, compared with other libraries."""

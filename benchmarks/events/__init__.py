@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of phases in simulated trials."""
+"""Benchmarks of the detection of phases in the tension of simulated trials."""

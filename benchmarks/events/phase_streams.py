@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated sessions as continuous streams, with the commanded phases of their trials."""
+"""Simulated sessions as continuous streams of samples, with the commanded phases of each trial."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ SEED = 1001
 """Seed of the tested sessions. The constants of the detection were chosen with seed 1."""
 
 TAUT_N = 0.01
-"""The tendon counts as taut if its true tension exceeds the tension at rest by this value."""
+"""The tendon counts as taut if its true tension exceeds the tension at rest by this value [N]."""
 
 
 @dataclass(frozen=True)
 class StatedTrial:
     """One trial of a stream, with its commanded phases.
 
-    ``start_ns`` is the time of its first sample, and ``end_ns`` that of the first sample of the
-    next trial [ns]. ``phases_ns`` has the time at which each phase was commanded [ns], with two
-    exceptions: ``contact`` is the time at which the tendon became taut (after the command), and
-    ``done`` the time at which it became slack (before the command).
+    ``start_ns`` is the time of its first sample, and ``end_ns`` is the time of the first sample of
+    the next trial [ns]. ``phases_ns`` has the time at which each phase was commanded [ns]. There
+    are two exceptions: ``contact`` is the time at which the tendon became taut (after the
+    command), and ``done`` is the time at which it became slack (before the command).
     """
 
     label: str
@@ -68,12 +68,12 @@ class Session:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Additional disturbance of a stream.
+    """Disturbance that is added to the samples of a stream.
 
     ``noise_n`` is the standard deviation of the noise, including the noise of the simulated sensor
-    [N]. ``drift_n_rt_s`` is the random walk of the zero [N per root second]. ``lost`` is the
-    fraction of samples that are lost independently. ``cut_share`` is the range of the sensor as a
-    fraction of the maximum tension in the session.
+    [N]. ``drift_n_rt_s`` is the size of the random walk of the sensor's zero [N per root second].
+    ``lost`` is the fraction of samples that are lost independently. If ``cut_share`` is below 1,
+    readings are limited to this fraction of the maximum tension in the session.
     """
 
     noise_n: float = 0.004

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Features, significance and model files: speed and error."""
+"""Benchmarks of speed and error of features, significance tests and model files."""

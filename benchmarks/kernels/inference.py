@@ -3,7 +3,7 @@
 
 """Speed and error of the prediction for one window with a model file.
 
-The reference is scikit-learn.
+The reference is the prediction of scikit-learn.
 """
 
 from __future__ import annotations

@@ -3,8 +3,9 @@
 
 """Processor time of one prediction, compared with another checkout.
 
-Needs the environment variable ``TACTILE_OTHER_CHECKOUT``. Each checkout trains on the same numbers
-in a separate environment. Then both predict the same window alternately.
+The environment variable ``TACTILE_OTHER_CHECKOUT`` must name the root of the other checkout. Each
+checkout trains on the same numbers in a separate environment. Then the two checkouts predict the
+same window alternately.
 """
 
 from __future__ import annotations

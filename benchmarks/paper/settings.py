@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Statements of the paper on SIMULATED trials, with one changed setting at a time."""
+"""Agreement of SIMULATED trials with the statements of the paper, if one setting is changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Thresholds for unknown objects in new simulated sessions."""
+"""Benchmarks of the thresholds for unknown objects, in new simulated sessions."""

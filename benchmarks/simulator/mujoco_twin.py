@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Texture trials in MuJoCo, with the finger as a chain of hinges.
+"""Texture trials simulated in MuJoCo, in which the finger is a chain of hinges.
 
 Geometry, elasticity, damping, weight, tendon and contact law are the same as in `tactile_sim`. The
 finger only bends at the hinges. Tendon friction and creep are not modelled, so trials of
@@ -79,8 +79,8 @@ def write_finger_mjcf(finger: Finger, step_s: float, hinges: int) -> str:
     """Describe the finger as a chain of hinges in MuJoCo's format.
 
     The hinges are in the middle of equal segments, so the end links are half as long as the
-    others. The hinge of a segment of length L/n has the stiffness EI / (L/n) = n K. In MuJoCo, z
-    points up; a positive hinge angle bends the finger down.
+    others. With n hinges on a finger of length L and bending stiffness EI, each hinge has the
+    stiffness n EI / L. In MuJoCo, z points up; a positive hinge angle bends the finger down.
     """
     segment_m = finger.length_m / hinges
     tip = _write_inertial(0.0, finger.tip_mass_kg, 0.0)
@@ -119,7 +119,7 @@ def _write_inertial(place_m: float, mass_kg: float, inertia_kg_m2: float) -> str
 
 
 def compute_chain_tip(finger: Finger, bend_rad: float, hinges: int) -> tuple[float, float]:
-    """Return drop and reach of the tip of the chain with equal hinge angles [m].
+    """Return how far the tip of the chain drops and reaches if all hinge angles are equal [m].
 
     The distance between this tip and the tip of an arc decreases with 1 / hinges^2. With 11
     hinges, it is 9 micrometres in drop and 25 micrometres in reach. On steep grooves, this changes

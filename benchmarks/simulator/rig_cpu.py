@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processor time of the SIMULATED rig, polled at the rates of the drivers."""
+"""Processor time of the SIMULATED rig while it is polled at the rates of the drivers."""
 
 from __future__ import annotations
 

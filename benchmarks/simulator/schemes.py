@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Speed and error of simulated texture trials, by number of steps."""
+"""Speed and error of simulated texture trials, for several numbers of steps per sample."""
 
 from __future__ import annotations
 

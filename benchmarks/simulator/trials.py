@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random trials with their windows and errors, for the benchmarks of the simulator."""
+"""Functions for benchmarks of the simulator: random trials, their windows, and their errors."""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of the simulator with a chain of hinges in MuJoCo: deviation and speed.
+"""Comparison of this simulator with MuJoCo, in which the finger is a chain of hinges.
+
+The deviation of the tension and the speed are measured.
 
 Requires ``pip install mujoco`` in the workspace's environment.
 """
