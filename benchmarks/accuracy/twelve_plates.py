@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Twelve plates that are hard to tell apart, at several speeds, in new sessions.
+"""Accuracy for twelve plates that are hard to tell apart, at several speeds, in new sessions.
 
 Their pitches differ by 5 %, and their edges are worn.
 """

@@ -4,8 +4,8 @@
 """Processor time of `tactile train` and `tactile evaluate --report` in two checkouts.
 
 The environment variable ``TACTILE_OTHER_CHECKOUT`` must name the root of the other checkout. The
-commands of both checkouts run
-alternately on the same archive of generated windows and the same bag of SIMULATED trials.
+commands of both checkouts run alternately on the same archive of generated windows and the same
+bag of SIMULATED trials.
 """
 
 from __future__ import annotations

@@ -6,6 +6,6 @@
 - `protocol`: trials, features, classifiers and cross-validation as described in the paper.
 - `statements`: numbers in the text of the paper, and rules for agreement with them.
 - `reproduction`: tables of ``python -m benchmarks --only paper``.
-- `settings`: the same statements with one changed setting at a time.
+- `settings`: agreement with the statements if one setting is changed.
 - `figures`: figures 8 to 10 of the paper for these trials.
 """
