@@ -62,10 +62,11 @@ def main() -> None:
 
 
 def find_free_shapes(contact: str, tensions_n: tuple[int, ...]) -> list[FloatArray]:
-    """Return the shape of the free finger at rest for each tension: three modes, shape (3,)."""
+    """Return the bending modes (shape (3,)) of a finger at rest without contact, per tension."""
     scene = build_scene('stiffness', 'none', contact)
     pulls_m = np.linspace(0.0, 0.03, 3000)
-    # All pulls are simulated together, as fingers with different tendon zeros.
+    # All displacements of the tendon are simulated in one batch. Each trial in the batch has
+    # another zero of the tendon, which has the same effect as a displacement.
     variation = dataclasses.replace(Variation.none(len(pulls_m)), tendon_zero_m=-pulls_m)
     start = scene.compute_inputs(np.zeros(1), np.array([scene.guide_m]))[0]
     state = scene.start_trials(variation, start)
@@ -79,7 +80,7 @@ def find_free_shapes(contact: str, tensions_n: tuple[int, ...]) -> list[FloatArr
 
 
 def draw_finger(path: Path) -> None:
-    """Draw the finger at the tensions of the paper, and the stiffness trial of the paper."""
+    """Draw the free finger at the tensions of the paper's Fig. 1, and the trial of its Fig. 7."""
     figure, axes = plt.subplots(
         1, 3, figsize=(13, 4.2), width_ratios=(1, 1, 1.3), layout='constrained'
     )
@@ -119,7 +120,7 @@ def draw_finger(path: Path) -> None:
 
 
 def draw_hold(ax: Any) -> None:
-    """Draw a stiffness trial on the rubber shell, with the three numbers of the paper."""
+    """Draw a simulated stiffness trial on the rubber shell, and the line of the paper's Fig. 7."""
     scene = build_scene('stiffness', 'rubber_shell', 'flexion')
     pull_m = PULL_M['flexion']
     motion = simulate_motion(
@@ -159,7 +160,7 @@ def draw_hold(ax: Any) -> None:
 
 
 def draw_glide(path: Path) -> None:
-    """Draw the path of the fingertip over three plates, and the tension."""
+    """Draw the path of the fingertip over each of three plates, and the tension on the way."""
     figure, axes = plt.subplots(2, 3, figsize=(13, 5), sharex=True, layout='constrained')
     for column, label in zip(axes.T, ('R1', 'T2', 'C1'), strict=True):
         draw_passage(column, build_scene('texture', label, 'flexion'), label)
@@ -185,7 +186,8 @@ def draw_passage(column: Any, scene: Scene, label: str) -> None:
         return (time_s - from_s) * 15.0
 
     x_mm = np.linspace(0.0, 20.0, 2000)
-    # The reach of the tip is nearly constant, so the plate moves under it at the guide's speed.
+    # The fingertip moves over the plate at nearly the speed of the guide, because the horizontal
+    # distance between fingertip and guide is nearly constant.
     first_m = scene.lead_m + (from_s - 0.915) * 0.015
     height = scene.surface.sample(first_m + 1e-3 * x_mm)[0]
     column[0].plot(x_mm, 1e3 * height, color='0.3', label='as a 5 mm fingertip feels it')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Page on messages and actions, generated from their definitions."""
+"""Generate docs/interfaces.md from the definitions of the messages and actions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ unit of a field is in brackets.
 
 
 def build_page(package: Path) -> str:
-    """Return the page on all interfaces in the folder of ``tactile_msgs``."""
+    """Return the page on all messages and actions in ``package``, the folder of tactile_msgs."""
     parts = [INTRODUCTION]
     for kind, title in (('msg', 'Messages'), ('action', 'Actions')):
         parts.append(f'## {title}\n')
@@ -47,9 +47,10 @@ def _build_section(path: Path, kind: str) -> str:
 
 
 def _parse(text: str) -> tuple[str, list[str], list[str]]:
-    """Return the comment above the first field, and the rows of fields and constants.
+    """Return the comment above the first field, the rows of fields and the rows of constants.
 
-    The comment of a constant may stand above it.
+    The meaning of a field or constant is the comment at the end of its line, or if there is none,
+    the comment lines above it.
     """
     about: list[str] = []
     fields: list[str] = []

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Picture of docs/phases.md: two simulated trials with the detected phases."""
+"""Draw the picture of docs/phases.md: two simulated trials with the detected phases."""
 
 from __future__ import annotations
 

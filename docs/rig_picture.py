@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Drawings for building the rig: plates, finger and rig, from the simulator's descriptions."""
+"""Draw the plates and the rig, with the dimensions in the descriptions of the simulator."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactile_sim.physics.equations import compute_curve
 from tactile_sim.physics.scene import compute_plate_profile
 
 SHOWN_MM = 22.0
-"""Drawn length from the end of the plate into the grooves."""
+"""Length of the part of a plate that is drawn, from the end of the plate [mm]."""
 
 
 def draw_plates(path: Path) -> None:

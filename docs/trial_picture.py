@@ -44,7 +44,8 @@ SHAPE_STYLES = {
     'middle': ('#2e8b57', '-'),
     'end': ('#d2691e', '--'),
 }
-"""Colour and line style of each moment. They differ, because shapes of a hold coincide."""
+"""Colour and line style of the finger at each moment. The last line is dashed, because the shapes
+of the finger at the start and at the end of a hold coincide."""
 
 BODY_DEPTH_M = 0.012
 """Drawn depth of plates and objects [m]; the model only contains their surface."""
@@ -73,8 +74,8 @@ class Shape:
 class TrialPicture:
     """Data for the drawing of a trial.
 
-    ``times_s``, of shape (samples,), is relative to the trial's first sample [s]. ``truth`` is the
-    true state in the simulator, for this trial only.
+    ``times_s``, of shape (samples,), is relative to the trial's first sample [s]. ``truth``
+    contains the state of the simulated finger at these times, without errors of the sensor.
     """
 
     plan: SimulationPlan
@@ -135,11 +136,11 @@ def simulate_picture(
 
 
 def _choose_label(protocol: str, catalogue: Catalogue) -> str:
-    """Return the label with the clearest effect."""
+    """Return the label of the first plate with grooves, or of the softest object."""
     labels = catalogue.labels(protocol)
     if protocol == 'texture':
         return next((name for name in labels if catalogue.plate(name).groove != 'none'), labels[0])
-    # Choose the softest object; a stiffness of 0 means that there is no object.
+    # A stiffness of 0 means that there is no object.
     return min(labels, key=lambda name: catalogue.body(name).stiffness_n_m or math.inf)
 
 
@@ -148,7 +149,7 @@ def find_measured_phase(planned: TrialSchedule) -> str:
 
 
 def _moments(planned: TrialSchedule) -> list[tuple[str, float, float]]:
-    """Return (moment, time, guide position) of the drawn shapes."""
+    """Return the moment, time [s] and guide position [m] of each drawn shape."""
     starts, measured = dict(planned.phases), find_measured_phase(planned)
     begin_s, end_s = starts[measured], starts['release']
     begin_m = planned.timeline.guide_start_m
@@ -161,7 +162,7 @@ def _moments(planned: TrialSchedule) -> list[tuple[str, float, float]]:
 
 
 def compute_touching_tip(finger: Finger) -> tuple[float, float]:
-    """Return reach and drop of the tip at first contact, for an arc of constant curvature [m]."""
+    """Return reach and drop [m] of the tip at first contact, if the finger is a circular arc."""
     modes_rad = np.array([np.radians(finger.contact_bend_deg), 0.0, 0.0])
     reach_m, drop_m = compute_curve(finger.length_m, modes_rad)[-1]
     return float(reach_m), float(drop_m)
@@ -170,8 +171,8 @@ def compute_touching_tip(finger: Finger) -> tuple[float, float]:
 def surface_drop_m(finger: Finger) -> float:
     """Return how far below the base the top of plates and objects is drawn [m].
 
-    The drop in the model refers to the lowest point of the tip. In the figure the centre line ends
-    in the middle of the tip, so the top is moved down by the tip's radius; nothing else changes.
+    In the model, the drop of the tip is the drop of its lowest point. In the figure, the centre
+    line ends in the middle of the tip. The top is therefore drawn lower by the tip's radius.
     """
     return compute_touching_tip(finger)[1] + finger.tip_radius_m
 
@@ -179,7 +180,7 @@ def surface_drop_m(finger: Finger) -> float:
 def plot_simulated_trial(
     path: Path, plan: SimulationPlan, config: TrialConfig, catalogue: Catalogue
 ) -> None:
-    """Simulate a trial exactly as described, without variation or noise, and draw it.
+    """Simulate a trial with nominal values, without variation or noise, and draw it.
 
     ``path`` is the PNG file. ``plan`` contains protocol and contact.
 
@@ -242,7 +243,10 @@ def _draw_shapes(axes: Axes, picture: TrialPicture) -> None:
 
 
 def _outline(curve_m: FloatArray, half_width_m: float) -> FloatArray:
-    """Return the finger's outline about its centre line; the model has no thickness."""
+    """Return the outline to draw around the centre line of the finger.
+
+    The finger in the model has no thickness.
+    """
     tangent = np.gradient(curve_m, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     across_m = half_width_m * np.column_stack([-tangent[:, 1], tangent[:, 0]])
@@ -320,7 +324,7 @@ def _draw_spectrum(axes: Axes, picture: TrialPicture) -> None:
         _texture_window(picture)[1], config.spectrum_detrend, config.spectrum_window
     )
     frequency_hz = np.arange(len(amplitude_n)) * config.rate_hz / config.texture_samples
-    # A constant signal would have an empty logarithmic axis.
+    # If the signal is constant, all amplitudes are 0, which a logarithmic axis cannot show.
     draw_spectrum(axes, frequency_hz, np.maximum(MM * amplitude_n, 1e-3))
     plate = picture.catalogue.plate(picture.label)
     if plate.groove not in ('none', 'profile'):

@@ -28,7 +28,8 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    # Imported on first use: the record types do not need the libraries of the devices.
+    # Modules are imported on first use, so that `TendonState` and other records can be used
+    # without the libraries of the devices.
     if name in _HOMES:
         return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')

@@ -13,14 +13,15 @@ SHORTEST_HANG_S = 0.5
 """Shortest allowed ``hang_timeout_s`` [s]; see docs/decisions/0013-liveliness.md."""
 
 REST_REPORT_S = 0.2
-"""Period of joint states and of Grbl's status reports at rest [s]."""
+"""Period [s] of joint states and of Grbl's status reports while the guide or tendon is at rest."""
 
 REST_CYCLE_S = 0.05
-"""Period [s] at rest of the threads that publish a heartbeat, and of taking samples. A heartbeat
-may thus be 0.1 s late before its lease of 0.15 s ends; in motion, beats are 0.04 s apart."""
+"""Period [s] at which a driver at rest publishes its heartbeat and evaluates the sensor's samples.
+The lease of a heartbeat is 0.15 s, so a heartbeat at rest can be 0.1 s late before the lease ends.
+In motion, the period of heartbeats is 0.04 s."""
 
 REST_AFTER_S = 1.0
-"""Time after the end of a motion during which reports still arrive at the full rate [s]."""
+"""Time [s] after the end of a motion during which a device is still polled at the full rate."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class EmergencyStopConfig:
 
 @dataclass(frozen=True)
 class _MotionConfig(EmergencyStopConfig):
-    """Parameters of the heartbeats that both drivers watch.
+    """Parameters of the heartbeats that the guide driver and the tendon driver monitor.
 
     Raises
     ------
@@ -276,12 +277,12 @@ class TendonActuatorConfig(_MotionConfig):
 
     @property
     def limits_n(self) -> dict[str, float]:
-        """Tension limit of each contact [N]."""
+        """Tension limit [N] for each contact."""
         return {'flexion': self.flexion_limit_n, 'abduction': self.abduction_limit_n}
 
     @property
     def currents_a(self) -> dict[str, float]:
-        """Largest motor current of a pull of each contact [A]."""
+        """Largest motor current [A] of a pull, for each contact."""
         return {
             'flexion': min(self.flexion_current_a, self.current_limit_a),
             'abduction': min(self.abduction_current_a, self.current_limit_a),

@@ -32,14 +32,14 @@ ATTEMPTS = 3
 harmless, because all registers contain absolute values."""
 
 READ_LENGTHS = 4
-"""Reads of one block cycle through this number of lengths. A late answer to one of the last three
-reads is therefore detected by its length."""
+"""Number of different lengths with which a block of registers is read in turn. A late answer to
+one of the previous three reads has another length than expected, and is thus detected."""
 
 WRITE_WAIT_S = 0.1
 """Longest time [s] until the port has accepted a packet; after that, the packet counts as lost."""
 
 LATE_S = 0.02
-"""Pause [s] before the next attempt, during which a late answer arrives and is dropped."""
+"""Pause [s] before an instruction is repeated. A late answer that arrives meanwhile is dropped."""
 
 
 class SilentServoError(DeviceConnectionError):
@@ -67,7 +67,8 @@ class DynamixelBus:
     name : str
         Description of servo and port for messages.
     lock : RLock
-        Held during each call; hold it around several calls that belong together.
+        Lock that each method acquires. Acquire it around several calls that other threads must
+        not interrupt.
     """
 
     def __init__(self, port: str, baud: int, device_id: int) -> None:
@@ -85,14 +86,15 @@ class DynamixelBus:
             if self._is_open:
                 return
             try:
-                # Not openPort(), which always opens the port at 1 Mbaud.
+                # `openPort` is not used, because it always opens the port at 1 Mbaud.
                 if not self._port.setBaudRate(self._baud):
                     raise DeviceConnectionError(
                         f'dynamixel_sdk does not support {self._baud} baud; set baud to a '
                         'supported speed'
                     )
                 self._port.ser.exclusive = True
-                # The SDK reads bytes in a busy loop; the timeout lets each read sleep.
+                # The SDK reads bytes in a busy loop. With this timeout, each read waits for bytes,
+                # so that the loop needs less processor time.
                 self._port.ser.timeout = READ_WAIT_S
                 self._port.ser.write_timeout = WRITE_WAIT_S
             except (*LINE_ERRORS, ValueError) as error:
@@ -148,7 +150,7 @@ class DynamixelBus:
         self._retry(lambda: self.write_once(register, value))
 
     def reboot(self) -> None:
-        """Restart the servo, which does not answer meanwhile."""
+        """Restart the servo. It does not answer until it has restarted."""
         self._exchange('restarting', INSTRUCTION_REBOOT, b'', 0)
 
     def close(self) -> None:
@@ -180,7 +182,8 @@ class DynamixelBus:
             lambda: self._packets.txRxPacket(self._port, [*packet, *parameters, 0, 0])
         )
         self._check(action, result, error)
-        # The SDK truncates an answer that is longer than requested, such as a late one.
+        # The length is checked here, because the SDK's functions for reading registers silently
+        # truncate an answer that is too long, such as a late answer to an earlier read.
         end = 7 + answer[5] + 256 * answer[6]
         data = bytes(answer[9 : end - 2])
         if len(data) != size:
@@ -191,7 +194,8 @@ class DynamixelBus:
         return data
 
     def _retry(self, transaction: Callable[[], Any]) -> Any:
-        # The lock is held during all attempts, so that a repeated goal cannot follow a newer one.
+        # The lock is held during all attempts, so that no other thread can write a newer goal
+        # before an older goal is written again.
         with self.lock:
             for _ in range(ATTEMPTS - 1):
                 with suppress(SilentServoError):
@@ -206,7 +210,7 @@ class DynamixelBus:
                     raise DeviceConnectionError(
                         f'the connection to {self.name} is lost; check the cable'
                     )
-                # Versions of the SDK before 4.0.5 leave late answers in the buffer.
+                # Drop late answers, which versions of the SDK before 4.0.5 leave in the buffer.
                 self._port.ser.reset_input_buffer()
                 return transaction()
             except serial.SerialTimeoutException as error:
@@ -216,15 +220,16 @@ class DynamixelBus:
                     f'the port of {self.name} accepted no bytes for {WRITE_WAIT_S} s'
                 ) from error
             except LINE_ERRORS as error:
-                self.close()  # `open` must find the device after it is plugged in again
+                self.close()  # `open` then connects to a device that is plugged in again
                 raise DeviceConnectionError(
                     f'the connection to {self.name} is lost: {error}'
                 ) from error
             except IndexError as error:
-                # The SDK reads past the end of a well-formed packet that is too short.
+                # The SDK raises IndexError if a packet with a valid checksum is too short.
                 raise SilentServoError(f'{self.name} sent a packet that is too short') from error
             finally:
-                # After an exception the flag stays set, and every later call would fail as busy.
+                # The SDK does not reset this flag after an exception. It would refuse every later
+                # call, because the port would seem to be in use.
                 self._port.is_using = False
 
     def _check(self, action: str, result: int, error: int) -> None:

@@ -43,11 +43,12 @@ PRESENT_POSITION = Register(132, 4, True)
 PRESENT_VOLTAGE = Register(144, 2)
 PRESENT_TEMPERATURE = Register(146, 1)
 MARK = Register(220, 4)
-"""Indirect addresses 27 and 28, which have no effect unless they are used for indirect access.
-They can be changed while the torque is off, and are lost without power."""
+"""Register of the driver's mark: the indirect addresses 27 and 28, which have no effect unless a
+program uses indirect access. The register can be written while the torque is off. It loses its
+value without power."""
 
 MODELS = {1020: 'XM430-W350', 1030: 'XM430-W210'}
-"""Names of the supported models by model number; their tables and units are identical."""
+"""Names of the supported models by model number; their control tables are identical."""
 
 FIRMWARE_WITH_WATCHDOG = 38
 MODE_CURRENT_BASED_POSITION = 5
@@ -60,7 +61,7 @@ STARTUP_TORQUE_ON = 0x01
 WATCHDOG_STEP_S = 0.02
 WATCHDOG_OFF, WATCHDOG_TRIPPED = 0, 255
 OUR_MARK = 375 | 515 << 16
-"""Value of `MARK` in a servo that this driver has set up: two valid addresses."""
+"""Value of `MARK` in a servo that this driver has set up. It consists of two valid addresses."""
 NO_MARK = 250 | 251 << 16
 """Value of `MARK` at power-up."""
 
@@ -164,7 +165,7 @@ def a_to_current(current_a: float) -> int:
 
 
 class ServoState(NamedTuple):
-    """One read of `STATE_BLOCK`, in the servo's units."""
+    """Values of the registers in `STATE_BLOCK`, in the servo's units."""
 
     is_torque_on: bool
     status_return_level: int
@@ -212,7 +213,7 @@ def decode_state(block: bytes) -> ServoState:
 
 
 class ServoSettings(NamedTuple):
-    """One read of `SETTINGS_BLOCK`, whose registers keep their values without power."""
+    """Values of the registers in `SETTINGS_BLOCK`. The servo keeps them without power."""
 
     firmware: int
     drive_mode: int
@@ -249,8 +250,8 @@ GOAL_BLOCK = Register(
     PROFILE_ACCELERATION.address,
     GOAL_POSITION.address + GOAL_POSITION.size - PROFILE_ACCELERATION.address,
 )
-"""Profile acceleration, profile velocity and goal position, in one write, so that a goal never
-gets the velocity of another goal."""
+"""Registers of profile acceleration, profile velocity and goal position. They are written in one
+packet, so that the servo never approaches a goal with the velocity of another goal."""
 
 
 def encode_goal(velocity: int, goal_counts: int) -> bytes:

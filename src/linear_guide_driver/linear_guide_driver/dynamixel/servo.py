@@ -10,10 +10,10 @@ Nothing is written to a servo until it is known to be the tendon's servo:
 
 - While the driver runs, the servo must have the model, firmware, modes and homing offset that the
   driver has set up.
-- When the driver starts, the torque of the servo must be off, or its registers must be as a
-  driver leaves them. In particular, its bus watchdog must be armed or tripped, or it must have a
-  mark. The mark identifies a servo whose driver was killed just before it armed the watchdog. A
-  servo that loses its power loses the mark.
+- When the driver starts, the torque of the servo must be off, or its registers must have values
+  that this driver writes. In particular, its bus watchdog must be armed or tripped, or it must
+  have a mark. The mark identifies a servo whose driver was killed just before it armed the
+  watchdog. A servo that loses its power loses the mark.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SETTLING_PERIOD_S = 0.1
 SETTLED_COUNTS = 2
 
 CONNECT_S = 3.0
-"""Time [s] for which a silent servo is queried again at the start: it may be restarting."""
+"""Time [s] during which `open_servo` repeats a failed attempt. The servo may be restarting."""
 
 CONNECT_PAUSE_S = 0.2
 
@@ -53,12 +53,12 @@ SLACK_BELOW_M = 0.001
 """If the displacement is below the zero by more than this distance [m], the zero is wrong."""
 
 ZERO_COUNTS = 2
-"""If the zero deviates by at most this number of counts, it is not written again, because every
-write wears the EEPROM."""
+"""A zero that deviates from the wanted zero by at most this number of counts is not written again,
+because every write wears the EEPROM."""
 
 SET_UP_CYCLES = 8
-"""Number of read and write cycles after which a set-up has failed. It takes four cycles, or more
-if packets are lost."""
+"""Number of cycles after which a set-up has failed. In each cycle, the servo is read and the
+registers that differ are written. A set-up takes four cycles, or more if packets are lost."""
 
 JUMP_COUNTS = registers.COUNTS_PER_TURN // 2
 JUMP_SPEED_SHARE = 1.5
@@ -67,7 +67,8 @@ velocity limit times the elapsed time. A larger change means that the servo has 
 with it the number of whole turns."""
 
 EXCHANGE_S = 0.3
-"""Time without an answer [s] after which the servo is identified again: it may be another one."""
+"""Time without an answer [s] after which the servo is identified again. Another servo may have
+been connected meanwhile."""
 
 _logger = logging.getLogger(__name__)
 
@@ -81,7 +82,7 @@ class DesiredState(NamedTuple):
     unlimited.
     """
 
-    displacement_m: float  # goal [m]; infinite: hold the present position
+    displacement_m: float  # goal [m]; if infinite, the present position is held
     velocity: int  # profile velocity, in the servo's units
     current: int  # current limit, in the servo's units
     tightens: bool = False  # if False, the goal is limited so that it does not tighten the tendon
@@ -152,10 +153,10 @@ def open_servo(config: TendonActuatorConfig) -> tuple[TendonServo, Found]:
 
 
 class TendonServo:
-    """The tendon's servo, with lengths of tendon instead of its own units.
+    """The tendon's servo, controlled in lengths of tendon [m] instead of the servo's units.
 
-    The position count of the servo is 0 at the zero of the displacement. Hold ``bus.lock`` around
-    calls that belong together.
+    The position count of the servo is 0 at the zero of the displacement. Acquire ``bus.lock``
+    around several calls that other threads must not interrupt.
 
     Attributes
     ----------
@@ -180,7 +181,7 @@ class TendonServo:
         self._known: tuple[_Identity, _Identity] | None = None
         self._found: Found | None = None  # condition at the start of the set-up
         self._is_set_up = False
-        self._is_arming = False  # this driver has switched the watchdog off to arm it again
+        self._is_arming = False  # watchdog is off until this driver arms it
         self._seen: tuple[int, float] | None = None  # last position [counts] and its time [s]
 
     # -- the desired state ---------------------------------------------------------------
@@ -200,11 +201,11 @@ class TendonServo:
         return registers.a_to_current(self._config.current_limit_a)
 
     def to_velocity(self, speed_m_s: float) -> int:
-        """Return a tendon speed [m/s] in the servo's units."""
+        """Convert a tendon speed [m/s] to a velocity in the servo's units."""
         return registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
 
     def read(self) -> ServoState:
-        """Read all registers of the desired state, in one attempt."""
+        """Read the present state of the servo, in one attempt."""
         return registers.decode_state(self.bus.read_block(registers.STATE_BLOCK))
 
     def read_displacement_m(self) -> float:
@@ -226,9 +227,9 @@ class TendonServo:
         Parameters
         ----------
         actual : ServoState
-            State that was just read.
+            State of the servo that was read immediately before this call.
         may_tighten : bool
-            Allow a goal that tightens.
+            If False, the goal is limited so that it does not tighten the tendon.
 
         Returns
         -------
@@ -239,17 +240,17 @@ class TendonServo:
         if actual.watchdog == registers.WATCHDOG_TRIPPED:
             self._goal_counts, self._is_arming = None, True
             self.bus.write_once(registers.BUS_WATCHDOG, registers.WATCHDOG_OFF)
-            # The watchdog is armed immediately, so that it trips if later packets fail.
+            # The watchdog is armed immediately, so that it trips if later packets are lost.
             if actual.is_torque_on:
                 self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
-            actual = self.read()  # the servo may have moved, because its goal is unlocked again
+            actual = self.read()  # the servo may have moved since the trip was cleared
         if actual.watchdog == self._watchdog:
             self._is_arming = False
         is_armed = actual.watchdog == self._watchdog
         has_current = actual.goal_current == desired.current
         tightens = desired.tightens and may_tighten
         is_goal_there = self.has_goal(actual) or (
-            # With some firmware, the goal follows the position while the torque is off.
+            # With some firmware, the goal register follows the position while torque is off.
             not actual.is_torque_on
             and abs(actual.goal_counts - actual.position_counts) <= SETTLED_COUNTS
         )
@@ -287,7 +288,8 @@ class TendonServo:
     def check_unchanged(self, actual: ServoState) -> None:
         """Raise `ServoChangedError` if a servo with its torque on has been changed or exchanged.
 
-        Must be called with each state, because the position is compared with the previous one.
+        This method must be called with each state that is read, because it compares the position
+        with the position in the previous state.
         """
         known = (self._watchdog, registers.WATCHDOG_TRIPPED)
         if actual.watchdog not in known and not self._is_arming:
@@ -323,9 +325,10 @@ class TendonServo:
         )
 
     def _was_left_by_driver(self, identity: _Identity, actual: ServoState) -> bool:
-        """Return True if a servo with its torque on has registers as this driver sets them."""
+        """Return True if the registers of a servo with its torque on have this driver's values."""
         is_watched = actual.watchdog in (self._watchdog, registers.WATCHDOG_TRIPPED)
-        is_unarmed = actual.watchdog == registers.WATCHDOG_OFF  # before its driver had armed it
+        # The watchdog is off if the previous driver was killed just before it armed the watchdog.
+        is_unarmed = actual.watchdog == registers.WATCHDOG_OFF
         return (
             identity.drive_mode == 0
             and identity.operating_mode == registers.MODE_CURRENT_BASED_POSITION
@@ -341,7 +344,7 @@ class TendonServo:
         return False
 
     def _write_mark(self, mark: int) -> None:
-        with suppress(DeviceRefusedError):  # the mark is optional
+        with suppress(DeviceRefusedError):  # a servo that refuses the mark is used without it
             self.bus.write(registers.MARK, mark)
 
     def _find_condition(
@@ -378,9 +381,10 @@ class TendonServo:
                     except ServoChangedError:
                         return Found.OFF
                     return Found.SAME
-                # A servo that has shut down is restarted only when the driver is configured.
+                # A servo that has shut down is not set up again here. It is restarted only when
+                # the driver is configured.
                 return Found.SAME if actual.hardware_error else Found.OFF
-            if self._found and actual.is_torque_on:  # a set-up was interrupted
+            if self._found and actual.is_torque_on:  # an earlier set-up was interrupted
                 return self._found
         if not actual.is_torque_on:
             return Found.OFF
@@ -436,7 +440,7 @@ class TendonServo:
             found = self._found = Found.OFF
         if found is not Found.KEPT:
             self._switch_torque_off()
-            position_counts = self._wait_settled()  # the torque may have been on until now
+            position_counts = self._wait_settled()  # the tendon may have been taut
             self._write_settings(wanted, position_counts)
             self._write_mark(registers.OUR_MARK)
         self.limits = ServoLimits(settings.velocity_limit, settings.temperature_limit_c)
@@ -458,7 +462,7 @@ class TendonServo:
         self._repeat(is_done, 'does not accept its set-up')
 
     def write_zero(self, displacement_m: float) -> None:
-        """Set the servo's zero to a displacement [m]; the torque is off for some milliseconds."""
+        """Set the servo's zero at a displacement [m]; the torque is off for some milliseconds."""
         identity, _ = self._identify()
         if not self._is_known(identity):
             raise ServoChangedError(f'{self.bus.name} has been exchanged for another servo')
@@ -502,10 +506,10 @@ class TendonServo:
         self._repeat(is_off, 'does not switch its torque off')
 
     def _write_settings(self, identity: _Identity, zero_counts: int) -> None:
-        """Write modes and zero where they differ; the torque must be off.
+        """Write the modes and the zero that differ from the wanted ones; the torque must be off.
 
-        ``zero_counts`` is the position of the new zero in present counts. The servo keeps its
-        position over several turns only while it has power.
+        ``zero_counts`` is the position count that becomes the new zero. Without power, the servo
+        loses the number of whole turns in its position.
         """
         if abs(zero_counts) > ZERO_COUNTS:
             offset = identity.homing_offset - zero_counts
@@ -584,7 +588,7 @@ class TendonServo:
         return read()
 
     def _repeat(self, is_done: Callable[[], bool], problem: str) -> None:
-        """Call ``is_done``, which reads and writes, until it returns True."""
+        """Call ``is_done`` until it returns True; raise an error after `SET_UP_CYCLES` calls."""
         for _ in range(SET_UP_CYCLES - 1):
             with suppress(SilentServoError, DeviceRefusedError):
                 if is_done():
@@ -595,7 +599,7 @@ class TendonServo:
             raise DeviceRefusedError(f'{self.bus.name} {problem}; configure the driver again')
 
     def to_state(self, servo: ServoState, received_at_ns: int) -> TendonState:
-        """Convert a polled state to lengths of tendon."""
+        """Convert a state in the servo's units to a `TendonState` in SI units."""
         radius_m = self._config.pulley_radius_m
         return TendonState(
             displacement_m=self._to_displacement_m(servo.position_counts),

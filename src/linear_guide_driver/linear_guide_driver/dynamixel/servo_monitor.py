@@ -7,8 +7,8 @@ The rate is lower while nothing moves and the tendon is slack. A command, a taut
 failed read restores the full rate.
 
 The reads also feed the servo's bus watchdog, so that the servo stops by itself if the reads end.
-The poll thread runs until the client is closed. During an outage it keeps polling, or
-re-establishes the connection.
+The poll thread runs until `ServoMonitor.close` is called. During an outage it continues to poll,
+or re-establishes the connection.
 """
 
 from __future__ import annotations
@@ -34,25 +34,27 @@ from tactile_ros.refusal import Refusal
 FAILED_POLLS = 5
 """Number of consecutive failed polls that count as an outage: about 0.2 s.
 
-A poll fails if the servo does not answer or refuses it. A smaller number ended pulls on busy
-hosts, where three answers in a row may be late.
+A poll fails if the servo does not answer it or refuses it. With a smaller number, pulls ended
+without a fault on busy computers, where three answers in a row can be late.
 """
 
 FIRST_BACK_OFF_S, LONGEST_BACK_OFF_S = 0.25, 2.0
 """Pauses [s] before attempts to re-establish a lost connection; each failure doubles the pause."""
 
 RESTORE_S = 10.0
-"""Longest duration [s] of an attempt to open the port, set the servo up and come to rest."""
+"""Longest duration [s] of an attempt to re-establish the connection: to open the port, to set the
+servo up, and to wait until the tendon is at rest."""
 
 REST_POLLS = 4
-"""Polls per ``watchdog_s`` at rest, so that two polls in a row may be late."""
+"""Number of polls at rest during ``watchdog_s``. If two polls in a row are late, the watchdog does
+not trip."""
 
 RESTART = 'remove the cause and configure the driver again'
 """Remedy for a servo that reports a fault or has shut down."""
 
 CLOSING_S = 6.0
-"""Longest time to wait for the end of the thread [s]. If the thread is setting the servo up, the
-tendon may take 3 s to come to rest."""
+"""Longest time [s] for which `ServoMonitor.close` waits for the end of the poll thread. If the
+thread is setting the servo up, the tendon may take 3 s to come to rest."""
 
 _logger = logging.getLogger(__name__)
 
@@ -76,8 +78,8 @@ class ServoMonitor:
     on_trouble : callable
         Called with a reason at each new outage or fault, on the thread that detects it.
     on_cycle : callable
-        Called on the poll thread in each cycle with the time by which the next cycle may be
-        delayed [s]; infinite in the last cycle.
+        Called on the poll thread after each poll, with the time by which the next poll may be
+        delayed [s]. The time is infinite when the thread ends.
     restore : callable
         Re-establishes a lost connection, or raises.
     is_slack : callable
@@ -126,7 +128,7 @@ class ServoMonitor:
 
     @property
     def outage(self) -> Refusal | None:
-        """Why commands cannot be supervised (no answers, or torque off), or None."""
+        """Reason why the servo cannot be controlled (no answers, or torque off), or None."""
         if self._outage is None:
             return None
         if self.is_shut_down:
@@ -143,7 +145,7 @@ class ServoMonitor:
 
     @property
     def trouble(self) -> Refusal | None:
-        """The outage or the fault, or None."""
+        """The `outage` if there is one, else the `fault` if there is one, else None."""
         return self.outage or self.fault
 
     @property
@@ -191,7 +193,7 @@ class ServoMonitor:
             self.report_trouble(reason)
 
     def clear(self) -> None:
-        """End the outage, because the servo answers again, unless the connection is lost."""
+        """End the outage, unless the connection is lost. Called when the servo answers again."""
         with self._changed:
             if self._outage is not None and not self.is_lost:
                 _logger.warning('the servo answers again')
@@ -199,7 +201,7 @@ class ServoMonitor:
                 self._changed.notify_all()
 
     def wait_poll(self, timeout_s: float) -> TendonState | None:
-        """Return the next state; None after an outage, after `close`, or after a timeout [s]."""
+        """Return the state of the next poll, or None after an outage, a timeout or `close`."""
         with self._changed:
             count = self._polls
             self._changed.wait_for(
@@ -213,8 +215,8 @@ class ServoMonitor:
         self._notify(self._on_trouble, reason)
 
     def cycle(self) -> TendonState:
-        """Read the servo and act on its state. Commands call this on their own threads."""
-        with self._servo.bus.lock:  # no command may come between a read and its handling
+        """Read the servo and act on its state. Commands also call this, on their own threads."""
+        with self._servo.bus.lock:  # no command is sent between the read and its handling
             return self._take(self._servo.read())
 
     def poll_once(self) -> float:
@@ -224,7 +226,7 @@ class ServoMonitor:
             if was_lost:
                 self._restore()
                 self.is_lost, self._back_off_s = False, FIRST_BACK_OFF_S
-                self.clear()  # the next poll detects other faults
+                self.clear()  # the following poll detects faults that remain
             state = self.cycle()
             self._failed_polls = 0
         except LinearGuideDriverError as error:
@@ -244,7 +246,8 @@ class ServoMonitor:
             if self._failed_polls < FAILED_POLLS:
                 return 0.0
             self.fail(f'the servo {"is silent" if is_silent else "refuses to be read"} ({error})')
-        except Exception as error:  # polling must continue, because it slackens the tendon
+        # The poll thread must continue after any error, because it also slackens a taut tendon.
+        except Exception as error:
             if self._outage is None:
                 _logger.exception('reading the servo failed')
             self.fail(f'reading the servo failed: {error!r}', is_lost=self.is_lost)
@@ -252,7 +255,8 @@ class ServoMonitor:
             self._notify(self._on_state, state)
             return 0.0
         self._failed_polls = 0
-        # The servo may still receive packets: send none until its watchdog has stopped it.
+        # The servo may still receive packets although its answers are lost. No packet is sent
+        # until the servo's watchdog has stopped the servo.
         return 2 * self._config.watchdog_s
 
     # -- inside --------------------------------------------------------------------------
@@ -263,7 +267,7 @@ class ServoMonitor:
             began_s = max(began_s + self.period_s, time.monotonic() - self.period_s)
             pause_s = self.poll_once()
             self._notify(self._on_cycle, pause_s + (RESTORE_S if self.is_lost else 0.0))
-            with self._changed:  # a successful command ends the pause
+            with self._changed:  # a command that succeeds ends the pause
                 self._changed.wait_for(lambda: not self._outage or self._closing.is_set(), pause_s)
         self._notify(self._on_cycle, math.inf)
 
@@ -271,7 +275,7 @@ class ServoMonitor:
         """Wait until one period after ``began_s`` [s]; return False if the monitor was closed."""
         with self._changed:
             while not self._closing.is_set():
-                left_s = began_s + self.period_s - time.monotonic()  # `poll_fast` reduces it
+                left_s = began_s + self.period_s - time.monotonic()  # less after `poll_fast`
                 if left_s <= 0.0:
                     return True
                 self._changed.wait(left_s)
@@ -292,7 +296,7 @@ class ServoMonitor:
             self._fault = None
         state = self._on_poll(servo)
         if servo.is_torque_on:
-            self.clear()  # also an outage that a command has recorded meanwhile
+            self.clear()  # also ends an outage that a command has recorded
         if not self._is_slack(state):
             self.poll_fast()
         with self._changed:
