@@ -6,7 +6,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from tactile_features.errors import ModelFileError as ModelFileError  # also used for features
+from tactile_features.errors import ModelFileError as ModelFileError  # re-exported
 
 
 class ClassifierError(Exception):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of features that the tests of several rooms build."""
+"""Tables of features for several test files."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from tactile_features.spec import array_spec
 
 
 def make_table(labels, values=None, **columns):
-    """Return a table of ready-cut windows; three features of noise where none are given."""
+    """Return a table of windows that are already cut; by default, three features are noise."""
     if values is None:
         values = np.random.default_rng(0).normal(size=(len(labels), 3))
     features = values.shape[1]

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-# What several test files share lies beside them and is no part of the package.
+# Modules that several test files import are in this folder, not in the package.
 sys.path.insert(0, str(Path(__file__).parent))
 
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -22,7 +22,7 @@ from tactile_features.types import FeatureWindow, WindowOutcome
 
 
 def make_texture_table(classes=8, each=60, noise_n=0.1):
-    """Sines of the class's own frequencies under noise, through the real spectrum."""
+    """Return spectra of noisy sums of sines; each class has its own frequencies."""
     rng = np.random.default_rng(7)
     time_s = np.arange(180) / 60.0
     rows, labels = [], []
@@ -81,7 +81,7 @@ def four_labels(texture_table):
 
 @pytest.fixture(scope='session')
 def early_table(four_labels):
-    """Return what the first second of the trials of four labels might give."""
+    """Return a table that resembles early windows of one second, for four labels."""
     config = FeatureConfig(texture_samples=60, early_windows=True)
     spec = spec_for('texture', config)
     noise = 0.005 * np.random.default_rng(11).normal(size=(len(four_labels), len(spec.names)))
@@ -98,7 +98,7 @@ def model_path(small_table, tmp_path_factory):
 
 @pytest.fixture(scope='session')
 def early_path(early_table, tmp_path_factory):
-    """Return a model of the nearest neighbours for early windows of a second."""
+    """Return the path of a nearest-neighbour model for early windows of one second."""
     path = tmp_path_factory.mktemp('models') / 'early.npz'
     write_model(path, train(early_table, 'knn'))
     return path
@@ -106,7 +106,7 @@ def early_path(early_table, tmp_path_factory):
 
 @pytest.fixture
 def make_window(small_table):
-    """Return a maker of windows that hold the features of one trial of `small_table`."""
+    """Return a function that makes a window with the features of a trial of `small_table`."""
 
     def make(trial=0, **changes):
         fields = {

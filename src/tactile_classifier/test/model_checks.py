@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a model file of every classifier keeps."""
+"""Checks of a model file that apply to every classifier."""
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from tactile_classifier.types import NO_ANSWER, UNKNOWN
 
 
 def check_model(trained, path, values, atol=1e-12):
-    """Check a model file against the estimator, the calibration and the novelty it was made of.
+    """Write a model file, and compare the model with the trained parts.
 
-    Labels are those of scikit-learn, scores and novelty equal its own, and a window has the same
-    answer alone, in a batch, and after the file was loaded again.
+    The labels must equal those of scikit-learn, and scores and novelty those of the trained parts.
+    A window must have the same result alone, in a batch, and after the file is loaded again.
     """
     model = write_model(path, trained)
     raw = compute_raw_scores(trained.estimator, values)

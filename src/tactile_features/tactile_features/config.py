@@ -128,7 +128,7 @@ class FeatureConfig(WindowParameters):
     def at_rate(self, rate_hz: float) -> FeatureConfig:
         """Return these parameters for another sample rate [Hz]; windows keep their duration.
 
-        FeatureError: the rate is out of its range.
+        Raises FeatureError if the rate is out of range.
         """
         scale = rate_hz / self.rate_hz
         return dataclasses.replace(
@@ -139,7 +139,7 @@ class FeatureConfig(WindowParameters):
         )
 
     def without_detection(self) -> FeatureConfig:
-        """Return a copy with stated phases and the default of each ``detected_*`` parameter."""
+        """Return a copy that does not detect phases; ``detected_*`` parameters have defaults."""
         found: dict[str, Any] = {
             item.name: item.default
             for item in dataclasses.fields(self)
@@ -180,7 +180,7 @@ class FeaturesNodeConfig(FeatureConfig):
 
 
 def round_rate(rate_hz: float) -> float:
-    """Round a measured rate [Hz] to three digits; to six if three change it by 0.1 % or more."""
+    """Round a rate [Hz] to three digits, or to six if this changes it by 0.1 % or more."""
     short = float(f'{rate_hz:.3g}')
     return short if abs(short / rate_hz - 1.0) < 1e-3 else float(f'{rate_hz:.6g}')
 

@@ -70,7 +70,7 @@ def check_block(block: StrainBlock) -> StrainBlock:
             f'sequence is {block.sequence}; its {count} samples do not fit into 64 bits'
         )
     largest_n = abs(block.tension_n[0]) if count == 1 else np.abs(block.tension_n).max()
-    if not largest_n <= LARGEST_TENSION_N:  # also if a value is NaN
+    if not largest_n <= LARGEST_TENSION_N:  # also true for NaN
         finite = block.tension_n[np.isfinite(block.tension_n)]
         beyond = finite[np.abs(finite) > LARGEST_TENSION_N]
         if len(beyond):
@@ -239,7 +239,7 @@ def _spec_from_msg(msg: Any) -> FeatureSpec:
     fields = {
         field.name: getattr(msg, field.name)
         for field in dataclasses.fields(FeatureSpec)
-        if hasattr(msg, field.name)  # the message has no channel: a live node has one signal
+        if hasattr(msg, field.name)  # the message has no channels
     }
     fields['parameters'] = {
         name: _from_json(name, value) for name, value in zip(names, values, strict=True)

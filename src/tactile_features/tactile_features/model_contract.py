@@ -220,7 +220,7 @@ def _list_files(models: str | Path) -> list[Path]:
 
 @contextmanager
 def refusals_of(path: str | Path) -> Iterator[None]:
-    """Raise errors that occur inside as `ModelFileError` with the name of the file."""
+    """Convert errors in a ``with`` block to `ModelFileError` with the name of the file."""
     try:
         yield
     except OSError as error:

@@ -58,7 +58,7 @@ SLOPE_STEPS = 5
 _BEND_BEFORE = 6
 _BEND_AFTER = 6
 
-# Chosen on training sessions of the simulator, see docs/phases.md.
+# These values were chosen on training sessions of the simulator; see docs/phases.md.
 _REST_LEARN = 9  # rest samples needed before a trial can begin
 _REST_MEMORY = 60  # latest rest samples used to estimate the rest level and the noise
 _REST_RENEW = 15  # re-estimate the rest level every 15 samples, counted by sample number

@@ -57,7 +57,7 @@ class NearestNeighbours(KNeighborsClassifier):  # type: ignore[misc]
     """scikit-learn's nearest-neighbour classifier; `fit` refuses too few trials."""
 
     def fit(self, X: Any, y: Any) -> NearestNeighbours:  # noqa: N803
-        """Fit the classifier; raise TooFewTrialsError if it has fewer trials than neighbours."""
+        """Fit the classifier; raise TooFewTrialsError for fewer trials than neighbours."""
         super().fit(X, y)
         if self.n_samples_fit_ < self.n_neighbors:
             raise TooFewTrialsError(
@@ -69,7 +69,8 @@ class NearestNeighbours(KNeighborsClassifier):  # type: ignore[misc]
     def predict(self, X: Any) -> npt.NDArray[Any]:  # noqa: N803
         """Return one label for each row; ties are broken in favour of earlier trials.
 
-        The labels are those of a model file. scikit-learn needs ten times as long for few trials.
+        A model file breaks ties in the same way. For few trials, the method of scikit-learn takes
+        ten times as long.
         """
         check_is_fitted(self)
         rows = validate_data(self, X, reset=False)
@@ -149,7 +150,7 @@ def build_estimator(
         raise ValueError('random convolutions need an unscaled waveform: use the scaling "none"')
     chosen = dict(parameters or {})
     if isinstance(weights := chosen.get('class_weight'), Mapping):
-        # Newer versions of scikit-learn convert a label such as '1' to an integer for the lookup.
+        # Newer versions of scikit-learn look up the weight of a label such as '1' by its integer.
         numbers = {int(label): w for label, w in weights.items() if str(label).isdecimal()}
         chosen['class_weight'] = {**weights, **numbers}
     machine = _classifier(classifier, channels).set_params(**chosen)
@@ -175,11 +176,11 @@ def compute_raw_scores(
 
 def _classifier(name: str, channels: int) -> Any:
     if name == 'knn':
-        # A tree with a single leaf computes distances from differences, and compares the trials in
+        # The leaf size puts all trials into one leaf. The k-d tree then compares all trials in
         # their order. algorithm='brute' is less accurate if features have large offsets.
         return NearestNeighbours(NEIGHBOURS, algorithm='kd_tree', leaf_size=2**31 - 1)
     if name in ('svm_linear', 'svm_rbf'):
-        # break_ties: always predict the label with the largest decision value.
+        # With break_ties, the label with the largest decision value is always predicted.
         return SupportVectorMachine(
             kernel=name.removeprefix('svm_'),
             break_ties=True,

@@ -27,12 +27,12 @@ _OPTIONS: Any = {
 
 @njit(**_OPTIONS)
 def _shift(x: Any, dilation: Any, common: Any, extra: Any) -> None:
-    """Compute the common part of all kernels, and the contribution of each weight of 2.
+    """Compute the terms from which `_add` computes the sums of all kernels.
 
     The signal ``x`` has shape (channels, samples). The results are written to ``common`` and
     ``extra``. ``common``, shape (channels, samples), is the convolution with nine weights of -1.
-    ``extra``, shape (channels, 9, samples), is three times the sample at each weight. The signal
-    is zero beyond its ends. All arrays are float32.
+    ``extra``, shape (channels, 9, samples), is three times the sample at each weight; adding it
+    changes this weight from -1 to 2. The signal is zero beyond its ends. All arrays are float32.
     """
     channels, samples = x.shape
     extra[:] = 0.0
@@ -113,6 +113,6 @@ def count_above(
                 bias = biases[i, j]
                 count = np.uint32(0)
                 for t in range(len(used)):
-                    # 32 bits: otherwise, the sum has 64 bits and takes twice as long.
+                    # Without the conversion, the sum has 64 bits and takes twice as long.
                     count = np.uint32(count + np.uint32(used[t] > bias))
                 shares[trial, i, j] = count / len(used)

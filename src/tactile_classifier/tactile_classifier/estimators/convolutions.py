@@ -40,8 +40,8 @@ ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
 """Order in which the weights of -1 are added, after the weight in the middle."""
 
 LARGEST = float(np.finfo(np.float32).max) / (12 * MAX_CHANNELS)
-"""Bound on the values of a signal. The magnitudes of the nine weights of a kernel add up to 12,
-and a kernel adds up to nine channels."""
+"""Largest absolute value of a signal whose sums cannot overflow in single precision. The
+magnitudes of the nine weights of a kernel add up to 12, and a kernel adds up to nine channels."""
 
 MANY_SIGNALS = 16
 """Minimum number of signals for which the compiled loops are loaded. Loading numba takes 0.5 s and
@@ -49,7 +49,7 @@ MANY_SIGNALS = 16
 window at a time."""
 
 _PAIRS, _pair_of = np.unique(KERNELS[:, :2], axis=0, return_inverse=True)
-_PAIR_OF = _pair_of.ravel()  # ravel: its shape depends on the version of NumPy
+_PAIR_OF = _pair_of.ravel()  # the shape depends on the version of NumPy
 
 Single = npt.NDArray[np.float32]
 Matrix = npt.NDArray[np.float64]

@@ -258,7 +258,8 @@ class LeaveOneOutRidge:
         # For equal values, the computed spread is a rounding error such as 5e-17 instead of 0.
         self.spread[(shares == shares[0]).all(axis=0)] = 1.0
         self.scaled /= self.spread
-        # The constant vector, which belongs to the intercept, gets an eigenvalue of its own.
+        # The addition of 1 gives the constant vector an eigenvalue of its own, so that it is one of
+        # the eigenvectors. It belongs to the intercept, which `solve` does not penalise.
         self._values, self._vectors = np.linalg.eigh(self.scaled @ self.scaled.T + 1.0)
         self._intercept = np.abs(self._vectors.sum(axis=0)).argmax()
 
@@ -274,10 +275,10 @@ class LeaveOneOutRidge:
             targets = targets[:, 1:]
         offset = targets.mean(axis=0)
         projected = self._vectors.T @ (targets - offset)
-        least, best = np.inf, np.zeros_like(targets)  # of one trial, nothing can be left out
+        least, best = np.inf, np.zeros_like(targets)  # remains if there is only one trial
         for alpha in ALPHAS if len(labels) > 1 else ():
             weights = 1.0 / (self._values + alpha)
-            weights[self._intercept] = 0.0  # no penalty
+            weights[self._intercept] = 0.0  # the intercept has no penalty
             dual = self._vectors @ (weights[:, np.newaxis] * projected)
             left_out = dual / (self._vectors**2 @ weights)[:, np.newaxis]
             error = float((left_out**2).mean())
@@ -290,7 +291,7 @@ class LeaveOneOutRidge:
         return np.asarray((shares - self.mean) / self.spread @ self.scaled.T)
 
     def predict(self, likeness: Matrix, labels: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
-        """Return the labels of the trials that were compared; ``labels`` are those of training."""
+        """Predict labels from the result of `compare` and the labels of the training trials."""
         classes, dual, offset = self.solve(labels)
         scores = likeness @ dual + offset
         chosen = scores[:, 0] > 0 if len(classes) == 2 else scores.argmax(axis=1)

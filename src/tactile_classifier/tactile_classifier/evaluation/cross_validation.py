@@ -204,7 +204,7 @@ def make_score(
 
 
 def find_tested_cells(table: FeatureTable, split: Split) -> Cells | None:
-    """Return the cells of repeated conditions among the tested trials.
+    """Return groups of tested trials (cells) that repeat the same condition.
 
     If no condition is repeated, but there are copies, each cell contains a trial and its copies.
     Returns None if the split holds out groups, or if all trials are independent.
@@ -320,7 +320,7 @@ def predict_folds(
     Returns the predictions for each fold, for each pair of classifier and scaling. The pairs share
     the scaled features. A decision tree does not depend on scaling, so it is fitted once.
     """
-    names, codes = np.unique(labels, return_inverse=True)  # scikit-learn checks numbers faster
+    names, codes = np.unique(labels, return_inverse=True)  # faster in scikit-learn than text
     answers: list[Answers] = [[] for _ in pairs]
     for train, test in folds:
         features = {'none': (values[train], values[test])}

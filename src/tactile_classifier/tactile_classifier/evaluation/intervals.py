@@ -156,7 +156,8 @@ def _spread(
     residuals = values - share @ values
     squares = float(share @ share)
     factor = share**2 / (1.0 - 2.0 * share + squares)
-    # Trace of the square of the quadratic form's matrix, D - d w' - w d' + sum(d) w w'.
+    # The variance is a quadratic form of the values. Its matrix is D - d w' - w d' + sum(d) w w',
+    # with d = factor, w = share and D = diag(d). This is the trace of its square.
     total, cross = float(factor.sum()), float(factor @ share)
     trace = (
         float(factor @ factor)

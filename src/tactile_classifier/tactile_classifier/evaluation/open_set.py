@@ -145,7 +145,7 @@ def evaluate_open_set(
     rejected, right, before, after, true, unknown, splits = zip(*folds, strict=True)
     all_true, all_right = np.concatenate(true), np.concatenate(right)
     kept = ~np.concatenate(rejected)
-    # Folds of repeated conditions hold out similar trials together: these are not independent.
+    # If folds hold out repeated conditions, the trials of a fold are not independent.
     groups_are = '' if outer.split.startswith(RANDOM) else 'held-out folds'
     found = tuple(_pool_unknown(str(label), unknown, outer.split, groups_are) for label in labels)
     rankings = [[each.ranking for each in fold.values()] for fold in unknown]
@@ -169,7 +169,7 @@ def evaluate_open_set(
 
 
 class _Part(NamedTuple):
-    """Predictions of one fold; arrays over its trials."""
+    """Results of one fold; the arrays have one value for each tested trial."""
 
     rejected: npt.NDArray[np.bool_]
     right: npt.NDArray[np.bool_]
@@ -181,7 +181,7 @@ class _Part(NamedTuple):
 
 
 class _LeftOut(NamedTuple):
-    """One label that a fold's training lacks: its ranking, and which of its trials are missed."""
+    """A label that was left out of the training: ranking, and True for trials not rejected."""
 
     ranking: Ranking
     is_missed: npt.NDArray[np.bool_]

@@ -34,7 +34,7 @@ from tactile_features.spec import FeatureSpec
 from tactile_ros.errors import plain_text
 
 KNOWN_NOVELTY = 'held_out_novelty'
-"""Name of an entry in ``calibration`` of a manifest."""
+"""Entry of ``calibration`` in a manifest that contains the novelties of held-out trials."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -274,7 +274,7 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
 
 
 def read_known_novelty(manifest: Manifest) -> HeldOutNovelty | None:
-    """Return the novelties of held-out trials; None for a model that knows no novelty.
+    """Return the novelties of held-out trials; None if the model has no novelty measure.
 
     Raises ModelFileError if the entry is missing or damaged.
     """

@@ -311,7 +311,7 @@ class Tree:
         _require(len(nodes) > 0, 'feature')
         _require(bool((self.feature[inner] >= 0).all()), 'feature')
         _require(bool((self.feature[inner] < features).all()), 'feature')
-        # If child nodes have larger indices than their parent, no path is endless.
+        # If child nodes have larger indices than their parent, every path ends at a leaf.
         for name, after in (('below', self.below), ('above', self.above)):
             _require(bool(((after > nodes) & (after < len(nodes)))[inner].all()), name)
 
@@ -324,7 +324,7 @@ class Tree:
         return np.array(self.shares[self._find_leaf(row.astype(np.float32).tolist())])
 
     def find_margin(self, row: Matrix) -> float:
-        return np.inf  # thresholds are compared exactly
+        return np.inf  # comparisons with thresholds have no rounding errors
 
     def _find_leaf(self, row: list[float]) -> int:
         nodes, at = self._nodes, 0

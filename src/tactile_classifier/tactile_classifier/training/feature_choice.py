@@ -254,7 +254,7 @@ class ChoicePlan:
 
     def _divide(self, train: Indices, repeats: int, random_state: int) -> list[Fold]:
         """Return the inner folds of a fold; empty if too few groups remain."""
-        # Part and label are combined: the training trials must contain all labels of each part.
+        # The folds are stratified by part and label, so that each part keeps all its labels.
         labels = np.char.add(self._parts.astype(str), np.char.add(' ', self._first.labels))
         groups = self._split.groups
         if groups is not None and len(np.unique(groups[train])) <= INNER_FOLDS:
@@ -435,7 +435,7 @@ def _answer_fold(
 def _predict_each(
     pair: tuple[str, str], table: FeatureTable, folds: Sequence[Fold], known: Indices
 ) -> Iterator[npt.NDArray[np.str_]]:
-    """Yield the predictions of one fold after the other, each when it is asked for."""
+    """Yield the predictions of each fold; a fold is computed when it is needed."""
     if pair[0] == ROCKET:
         machine = build_estimator(*pair, table.channels)[-1]
         for (said,) in machine.predict_folds(table.values, [table.labels], folds, known):

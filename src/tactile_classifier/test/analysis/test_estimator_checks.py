@@ -26,7 +26,7 @@ from tactile_features.estimators import GlideWaveform
 
 
 class PaddedConvolutions(RandomConvolutionClassifier):
-    """Takes waveforms of fewer than nine samples, as the checks have them."""
+    """Pads short waveforms: the checks use fewer than nine samples, the minimum length."""
 
     def _divide(self, rows):
         return super()._divide(np.pad(rows, [(0, 0), (0, max(0, 9 - rows.shape[1]))]))
@@ -55,7 +55,7 @@ def test_classifiers_pass_the_checks_of_scikit_learn(estimator, check):
 )
 @pytest.mark.filterwarnings('ignore:no calibrated probabilities')
 def test_predictions_of_other_pipelines_pass_their_checks(classifier, check):
-    """The other checks concern TactileClassifier, whatever its pipeline."""
+    """Of the checks of scikit-learn, only these depend on the classifier in the pipeline."""
     check('TactileClassifier', TactileClassifier(make_pipeline(GlideWaveform(), classifier)))
 
 

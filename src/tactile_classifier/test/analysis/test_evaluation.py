@@ -26,7 +26,7 @@ from tactile_classifier.evaluation.plans import run_plans
 
 @pytest.fixture
 def noisy_table(stiffness_table):
-    """Same labels, features that overlap: accuracies differ from fold to fold."""
+    """Return a table with overlapping features, so that accuracies differ between folds."""
     rng = np.random.default_rng(1)
     values = stiffness_table.values + rng.normal(0.0, [0.4, 3.0, 0.2], (36, 3))
     columns = {'session_id': np.arange(36) % 4, 'day': np.arange(36) % 2, 'all': np.zeros(36)}
@@ -83,11 +83,11 @@ def test_folds_are_predicted_as_by_one_pipeline_for_each_classifier_and_scaling(
 
 
 def test_held_out_group_is_never_trained_on():
-    # The label follows from the number of the group, and neighbouring groups differ:
-    # easy for a tree that has seen the group, impossible for one that has not.
+    # Even and odd groups have opposite labels. A decision tree can predict the labels of a group
+    # only if trials of this group are among its training trials.
     group, odd = np.repeat(np.arange(4), 12), np.arange(48) % 6 == 0
     labels = np.where((group % 2 == 1) ^ odd, 'b', 'a')
-    place = 10.0 * group + np.random.default_rng(0).random(48)  # otherwise most are copies
+    place = 10.0 * group + np.random.default_rng(0).random(48)  # no copies
     table = make_table(labels, np.stack([place, odd, np.zeros(48)], axis=1), group=group)
     mixed = evaluate(table, ['tree'], ['none'], folds=2, repetitions=2)
     held_out = evaluate(table, ['tree'], ['none'], hold_out=['group'])
@@ -100,7 +100,7 @@ def test_held_out_group_is_never_trained_on():
 def test_groups_of_two_columns(noisy_table):
     evaluation = evaluate(noisy_table, ['knn'], ['none'], hold_out=['session_id', 'day'])
     assert evaluation.split == 'one session and day held out'
-    assert evaluation.scores[0].fold_accuracies.shape == (1, 4)  # day follows from session
+    assert evaluation.scores[0].fold_accuracies.shape == (1, 4)  # the session determines the day
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_permuted_labels_are_named_at_chance_under_the_same_folds():
 
 
 class TwoParts:
-    """One task ends immediately; the other is still running at the interrupt."""
+    """Plan of two tasks: the first one ends, and the second one still runs at an interrupt."""
 
     def __init__(self):
         self.begun, self.interrupted, self.ended = (threading.Event() for _ in range(3))

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The choice of features inside the folds."""
+"""Tests of the automatic choice of features, which is repeated inside the folds."""
 
 import dataclasses
 
@@ -27,7 +27,7 @@ from tactile_features.spec import spec_for
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    """Fit few convolutions, and divide the training trials of a fold once."""
+    """Use few convolutions and one repetition of the inner folds, to save time."""
     monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
     monkeypatch.setattr(feature_choice, 'INNER_REPEATS', 1)
 
@@ -59,7 +59,7 @@ def test_the_better_set_is_chosen():
     assert others[0].score.mean < best.score.mean
     assert choice.nested.mean == best.score.mean
     assert choice.picks == ((choice.chosen, 3),)
-    assert len(choice.ranking) == 8  # a tree needs no scaling
+    assert len(choice.ranking) == 8  # the decision tree is tried with one scaling only
     assert all(score.fold_s > 0 for score in choice.ranking)
     assert choice.to_dict()['ranking'][0]['classifier'] == 'rocket'
     assert [score.classifier for score in choice.evaluation.scores] == ['rocket']
@@ -111,7 +111,7 @@ def test_folds_inside_share_convolutions_and_nothing_of_the_labels():
 
 
 def make_sessions(name, sessions, seed, trials=8):
-    """Return trials of two labels whose first feature is the label, but turned in each session."""
+    """Return features that are noise, alternating labels, sessions and the specification."""
     rng = np.random.default_rng(seed)
     spec = spec_for('texture', FeatureConfig(texture_features=name))
     session = np.repeat(np.arange(sessions), trials)
@@ -131,8 +131,8 @@ def test_folds_inside_hold_groups_out_as_the_folds_do():
 
 
 def test_with_two_sessions_nothing_is_chosen_by_trials_of_the_session_that_trains():
-    # Each session distinguishes labels by another feature, which the other session inverts.
-    # Random folds inside a session would therefore choose by it.
+    # The first feature distinguishes the labels, but with opposite signs in the two sessions.
+    # A choice by random folds inside one session would therefore be wrong for the other.
     values, labels, session, spec = make_sessions('texture_spectrum', 2, 1)
     is_b = labels == 'b'
     values[:, 0] += 4.0 * np.where(is_b ^ (session == 1), 1.0, -1.0)
@@ -146,7 +146,7 @@ def test_with_two_sessions_nothing_is_chosen_by_trials_of_the_session_that_train
 
 
 def test_flexion_and_abduction_choose_together_inside_the_folds_too():
-    """A separate choice for each contact would select another set in every fold."""
+    """A choice for flexion alone would select a feature set that is useless for abduction."""
     rng = np.random.default_rng(3)
     count = 60
     session, contact = np.arange(count) % 5, np.arange(count) // 30
@@ -173,10 +173,10 @@ def test_flexion_and_abduction_choose_together_inside_the_folds_too():
 
 
 def finish(right_of, groups=5, each=4):
-    """Return the choice among two sets by made-up answers.
+    """Return the choice between two feature sets for made-up predictions.
 
-    ``right_of`` has the accuracy of some candidates in each group; other candidates are never
-    right.
+    ``right_of`` maps a candidate to its accuracy in each group. The predictions of all other
+    candidates are wrong.
     """
     group = np.repeat(np.arange(groups), each)
     columns = {'session_id': group}
@@ -206,11 +206,11 @@ SPECTRUM, WAVEFORM = ('texture_spectrum', 'svm_rbf', 'none'), ('glide_waveform',
 @pytest.mark.parametrize(
     ('spectrum', 'waveform', 'chosen'),
     [
-        # Ties, also at 100 %, go to the robust one; the cheap one came first before.
+        # If accuracies are equal, the more robust candidate is chosen.
         ([1.0] * 5, [1.0] * 5, WAVEFORM),
-        # Better on average, but not by more than the standard error over groups.
+        # The spectrum is better on average, but by less than the standard error over groups.
         ([1.0, 1.0, 0.5, 1.0, 0.5], [0.5, 0.5, 1.0, 1.0, 0.75], WAVEFORM),
-        # Better in every group.
+        # The spectrum is better in every group.
         ([1.0] * 5, [0.75, 0.5, 0.75, 0.75, 0.5], SPECTRUM),
         # Two groups are too few for a choice by accuracy.
         ([1.0] * 2, [0.75, 0.5], WAVEFORM),

@@ -14,10 +14,10 @@ from tactile_classifier.evaluation.intervals import accuracy_interval, differenc
 
 
 def cover_sessions(sizes):
-    """Return the coverage [%] of the intervals over sessions, over several spreads and accuracies.
+    """Return the coverage [%] of three kinds of intervals, for several spreads and accuracies.
 
-    For accuracies of held-out sessions, for differences of two models, and for groups of repeats,
-    whose mean is over trials.
+    The columns are for accuracies of held-out sessions, for differences of two models, and for
+    groups of repeated trials, which are weighted by their numbers of trials.
     """
     generator = np.random.default_rng(5)
     covered = []

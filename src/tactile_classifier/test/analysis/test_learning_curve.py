@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Learning curves of sets where more sessions are known to help, or not to."""
+"""Learning curves of tables for which it is known whether more sessions help."""
 
 import json
 
@@ -18,7 +18,7 @@ from tactile_features.spec import spec_for
 
 
 def make_table(sessions, offset, noise, trials=6, column='session_id'):
-    """Three labels; each label has an offset of its own in each session."""
+    """Return a table of three labels; each label has a random offset in each session."""
     generator = np.random.default_rng(6)
     session = np.repeat(np.arange(sessions), 3 * trials)
     code = np.tile(np.repeat(np.arange(3), trials), sessions)
@@ -38,12 +38,12 @@ def test_of_separate_labels_one_session_is_enough():
     assert [point.groups for point in curve.points] == [1, 2, 3, 4, 5]
     assert [point.mean for point in curve.points] == [1.0] * 5
     assert (curve.gain, curve.needs_more) == (0.0, False)
-    # No trial of the tested session trains: n sessions of 18 trials each.
+    # Each session has 18 trials; those of the tested session are not used for training.
     assert [point.trials for point in curve.points] == [18 * n for n in range(1, 6)]
 
 
 def test_where_labels_take_many_trials_to_learn_more_sessions_help():
-    """Labels alternate in 30 stripes of one feature: neighbours need trials in each of them."""
+    """Labels alternate along one feature, so neighbours must be close to predict the label."""
     generator = np.random.default_rng(7)
     place = generator.uniform(0.0, 1.0, 12 * 18)
     labels = np.array(['pla', 'rubber', 'sponge'])[(30 * place).astype(int) % 3]
@@ -83,7 +83,7 @@ def test_specimens_of_one_label_each_are_counted_by_label():
     curve = find_curve(table, ('specimen',))
     assert curve.group == 'specimen'
     assert [point.groups for point in curve.points] == [1, 2, 3]
-    # Of the tested label three specimens are left, of the others four: three of each train.
+    # Without the tested specimen, its label has three specimens, so at most three are used.
     assert [point.trials for point in curve.points] == [18, 36, 54]
 
 
@@ -122,7 +122,7 @@ def test_labels_of_specimens_are_permuted_among_them():
         by_group = each.reshape(4, 3)
         assert (by_group == by_group[:, :1]).all()
         assert (each == 'a').sum() == 6
-    # Groups with several labels keep theirs.
+    # A group with several labels keeps its number of trials of each label.
     mixed = np.tile(['a', 'b', 'b'], 4)
     for _ in range(5):
         each = permute_labels(mixed, groups, rng).reshape(4, 3)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unknown objects in sessions that training never saw: generated features with session effects."""
+"""Rejection of unknown objects in new sessions, with features that differ by session."""
 
 from classifier_tables import make_table
 import numpy as np
@@ -11,7 +11,7 @@ from tactile_classifier.training.trainer import train
 
 
 def draw(rng, means, sessions, each, effect):
-    """Return features, labels and sessions; ``effect`` is the deviation between sessions."""
+    """Return features, labels and sessions; ``effect`` scales the session offsets."""
     labels = np.tile(np.repeat([f'label {i}' for i in range(len(means))], each), sessions)
     session = np.repeat(np.arange(sessions), len(means) * each)
     values = np.tile(np.repeat(means, each, axis=0), (sessions, 1))
@@ -20,7 +20,7 @@ def draw(rng, means, sessions, each, effect):
 
 
 def judge(seed, *, features, apart, sessions, each, effect, strict=False):
-    """Return a model of five labels, novelties of new trials, and which are of a sixth label."""
+    """Return a model of five labels, novelties of new trials, and True for a sixth label."""
     rng = np.random.default_rng(seed)
     means = apart * rng.normal(size=(6, features))
     values, labels, session = draw(rng, means[:5], sessions, each, effect)
@@ -40,7 +40,7 @@ def test_the_rate_holds_in_the_mean_over_new_sessions():
             is_unknown = novelty > trained.manifest.confidence.novelty_threshold
             rejected[strict].append(is_unknown[~is_new].mean())
             missed[strict].append(1.0 - is_unknown[is_new].mean())
-    # Nominal rate 5 %. The largest threshold of the sessions rejects fewer trials.
+    # The nominal rate is 5 %. The strict threshold is larger, so it rejects fewer trials.
     assert 0.035 < np.mean(rejected[False]) < 0.07
     assert np.mean(rejected[True]) < 0.02
     assert np.mean(missed[True]) > np.mean(missed[False]) + 0.1
@@ -68,7 +68,7 @@ def test_two_sessions_judge_held_out_trials_as_the_model_judges_new_ones(
         ratios.append(np.median(novelty[~is_new]) / np.median(held_out))
         threshold = trained.manifest.confidence.novelty_threshold
         rejected.append(np.mean(novelty[~is_new] > threshold))
-    # A new trial has two sessions to be near to, and a held-out one only one. With the spread
-    # within one session, this was 0.3 to 0.7; with the spread between both, up to 1.7.
+    # New trials are compared with training trials of two sessions, but held-out trials only with
+    # those of one session. Their novelties must nevertheless be similar.
     assert 0.7 < np.mean(ratios) < 1.1
     assert np.mean(rejected) < 0.15

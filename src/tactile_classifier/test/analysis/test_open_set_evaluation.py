@@ -42,7 +42,7 @@ def three_features(few):
 def test_textures_far_apart_are_all_found_out(few):
     found = evaluate_open_set(few, 'knn', false_alarm_rate=0.1)
     assert found.split == 'one session held out'
-    # Calibrated on half of what the model is fitted to, it is rather too careful.
+    # The threshold comes from models of half the training trials, so few trials are rejected.
     assert found.realised_false_alarm_rate <= 0.12
     assert len(found.group_false_alarm_rates) == 3
     assert [unknown.label for unknown in found.unknown] == [f'plate {k}' for k in range(4)]
@@ -63,20 +63,21 @@ def test_two_names_for_one_thing_cannot_be_told_apart(few):
 
 
 def test_label_that_is_always_held_out_alone_is_refused(three_features, monkeypatch):
-    # Three plates on two days, a session each: a session held out has nothing to compare with.
+    # Each session contains only one plate, so no fold tests two labels together.
     known = three_features.take(three_features.labels != 'plate 3')
     day = np.arange(len(known)) % 2
     sessions = np.array([f'{label} {i}' for label, i in zip(known.labels, day, strict=True)])
     table = dataclasses.replace(known, columns={'session_id': sessions})
     with pytest.raises(EvaluationError, match=r'"plate 0" is never held out together.*record'):
         evaluate_open_set(table, 'knn', false_alarm_rate=0.1)
-    # Single trials held out leave nothing to ask for, in however few folds.
+    # If single trials are held out, the labels are tested together, even in few folds.
     monkeypatch.setattr(fit_calibration, 'MAX_FOLDS', 3)
     assert evaluate_open_set(table, 'knn', hold_out=(), false_alarm_rate=0.1).trials == 45
 
 
 def test_calibration_says_each_way_it_held_out(three_features):
-    # Two sessions with all plates and five more of three: what is left differs from part to part.
+    # Plate 3 is in two of seven sessions only. If one of them is tested, its trials cannot be held
+    # out by session for calibration.
     session = np.arange(60) % 7
     kept = (three_features.labels != 'plate 3') | (session < 2)
     columns = {'session_id': session[kept]}
@@ -109,7 +110,7 @@ def test_random_convolutions_of_several_channels_are_those_of_the_model_file(mon
         scores[fold == i] = compute_raw_scores(model, table.values[fold == i])
     stated = compute_calibration_error(compute_uncalibrated(scores, MARGIN), true)
     assert found.calibration_error_before == pytest.approx(stated, rel=1e-12)
-    # The file states the same, and its model is of three channels, too.
+    # The manifest of a trained model states the same error; its model also has three channels.
     trained = train(table, 'rocket', false_alarm_rate=0.1)
     assert trained.manifest.confidence.calibration_error_before == pytest.approx(stated, rel=1e-12)
     whole = build_estimator('rocket', 'none', channels=3).fit(table.values, table.labels)

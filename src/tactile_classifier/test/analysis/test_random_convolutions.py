@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random convolutions against their definition, and against aeon's MiniRocket."""
+"""Comparison of random convolutions with their definition, and with aeon's MiniRocket."""
 
 from itertools import combinations
 from pathlib import Path
@@ -47,7 +47,7 @@ def convolve_by_definition(signal, dilation, places):
 def check_features(convolutions, signal, largest):
     """Compare features of one channel with the definition; return how many are exact."""
     found = convolutions.transform(signal[None, None])[0]
-    # Nine terms, each rounded at sums of no more than twelve magnitudes.
+    # Bound on the rounding error: no sum exceeds twelve times the largest sample.
     error = 12 * 12 * np.finfo(np.float32).eps * largest
     at = exact = 0
     counts = convolutions.counts
@@ -72,7 +72,7 @@ def test_features_of_whole_numbers_are_those_of_the_definition(samples):
     rng = np.random.default_rng(samples)
     x = rng.integers(-9, 10, (6, 1, samples)).astype(np.float32)
     convolutions = fit_convolutions(x[:5], 336, random_state=1)
-    # Sums of whole numbers are exact in any order, so only ties with a bias are open.
+    # Sums of whole numbers are exact in any order, so all features must be exact.
     assert check_features(convolutions, x[5, 0], 0.0) == len(convolutions.biases)
 
 
@@ -94,7 +94,7 @@ def test_a_constant_signal_has_features_of_its_ends_only():
     x = np.full((4, 1, 50), 3.0) + np.arange(4)[:, None, None]
     convolutions = fit_convolutions(x, 336)
     values = convolutions.transform(x)
-    # Inside, the biases are 0 and not exceeded by 0, so only the ends contribute.
+    # The sums are 0 except at the ends of a signal, so only the ends distinguish the signals.
     assert len(np.unique(values, axis=0)) == 4
     cropped = np.concatenate(
         [np.repeat((i + np.arange(84)) % 2, count) for i, count in enumerate(convolutions.counts)]
@@ -149,7 +149,7 @@ def few_features(monkeypatch):
 
 
 def make_trials(channels=1, samples=60, classes=3, each=12, offset=5.0, seed=0):
-    """Waves of the class's own frequency and phase under noise, and a level of the class."""
+    """Return noisy waves and their labels; the frequency of a wave depends on its label."""
     rng = np.random.default_rng(seed)
     time = np.arange(samples)
     rows, labels = [], []
@@ -182,7 +182,7 @@ def test_without_numba_every_bit_is_the_same(
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, 'numba', None)
         patch.delitem(sys.modules, 'tactile_classifier.estimators.compiled_convolutions')
-        # An attribute of the package would be found in place of the module.
+        # The package also keeps the module as an attribute, which an import would find.
         patch.delattr('tactile_classifier.estimators.compiled_convolutions')
         assert convolutions_module.load_loops(16) is convolutions_module
         plain = RandomConvolutionClassifier(channels).fit(values[::2], labels[::2])
@@ -213,7 +213,7 @@ def test_the_linear_classifier_is_that_of_scikit_learn(classes):
     rng = np.random.default_rng(classes)
     labels = np.resize(['a', 'b', 'c'][:classes], 60)
     chosen = set()
-    for effect in (0.0, 0.3, 3.0):  # different penalties are the best ones
+    for effect in (0.0, 0.3, 3.0):  # each effect selects another penalty
         values = 0.4 + rng.normal(size=(60, 200))
         values[:, :50] += effect * np.unique(labels, return_inverse=True)[1][:, np.newaxis]
         values[:, 7], values[:, 9] = 0.3, 1e4 * values[:, 9]
@@ -242,14 +242,14 @@ def test_labelings_and_folds_are_predicted_together_as_one_by_one(few_features):
         for fold, found in zip(folds, together, strict=True):
             ((alone,),) = model.predict_folds(values, [labeling], [fold])
             np.testing.assert_array_equal(found[i], alone)
-    # With convolutions of the training trials, a fold is an ordinary fit.
+    # If the convolutions are fitted to the training trials, the fold equals an ordinary fit.
     ((said,),) = model.predict_folds(values, [labels], [(train, test)], train)
     expected = model.fit(values[train], labels[train]).predict(values[test])
     np.testing.assert_array_equal(said, expected)
 
 
 def test_a_share_that_is_equal_in_all_training_trials_has_no_weight():
-    # Relaxations with little noise: at many samples every trial is above a bias, or below it.
+    # There is so little noise that many features are equal in all trials.
     rng = np.random.default_rng(0)
     labels = np.repeat(['a', 'b', 'c'], 20)
     level = np.repeat([5.0, 6.0, 7.0], 20)[:, np.newaxis]
@@ -259,7 +259,7 @@ def test_a_share_that_is_equal_in_all_training_trials_has_no_weight():
     model = RandomConvolutionClassifier().fit(values, labels)
     shares = model._transform(model._check(values))
     is_equal = (shares == shares[0]).all(axis=0)
-    # What the numbers say: the deviation of equal shares is the rounding of their mean.
+    # Some equal features have a computed deviation above 0, because their mean is rounded.
     assert (shares[:, is_equal].std(axis=0) > 0.0).any()
     assert np.abs(model.coef_[:, is_equal]).max() < 1e-9
 
@@ -267,9 +267,9 @@ def test_a_share_that_is_equal_in_all_training_trials_has_no_weight():
 def test_a_waveform_is_told_by_its_shape_and_its_level_alone(few_features):
     rng = np.random.default_rng(3)
     labels = np.where(np.arange(60) % 2, 'high', 'low')
-    # A level of a tenth of the noise of one sample, under a large offset.
+    # The labels differ only in their level, by as much as the noise of one sample.
     level = 1e4 + rng.normal(size=(60, 50)) + (labels == 'high')[:, None]
-    # An offset that single precision cannot hold leaves the shape.
+    # In single precision, this offset would leave no digits for the shape.
     shape, plates = make_trials(offset=1e9, each=20)
     for values, known in ((level, labels), (shape[:, 0], plates)):
         model = RandomConvolutionClassifier().fit(values[::3], known[::3])

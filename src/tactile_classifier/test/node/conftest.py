@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A finger over real DDS: its nodes, and a peer that plays the rest."""
+"""Fixtures that run the nodes over real DDS, and a test node that publishes their inputs."""
 
 from functools import partial
 
@@ -35,7 +35,7 @@ def make_header(since_ns):
 
 
 class Finger:
-    """Both nodes, or only the classifier, and a peer that publishes their inputs and listens."""
+    """The classifier node, optionally the feature node, and a test node that uses their topics."""
 
     def __init__(self, context, parameters, features):
         def make(node_class, parameters):
@@ -44,7 +44,7 @@ class Finger:
 
         self.classifier = make(TactileClassifierNode, parameters)
         self.features = None if features is None else make(TactileFeaturesNode, features)
-        # Without models the feature node announces its features with the first samples.
+        # Without models, the feature node publishes its specifications after the first samples.
         self.announces = features is not None and 'models' in features
         self.nodes = [node for node in (self.features, self.classifier) if node is not None]
         self.peer = Node('peer', context=context)
@@ -69,7 +69,7 @@ class Finger:
 
     @property
     def answers(self):
-        """Answers that were heard."""
+        """Classification results that the test node has received."""
         return [classification_from_msg(message) for message in self.heard]
 
     @property
@@ -77,7 +77,7 @@ class Finger:
         return self.classifier.models
 
     def wait_for_count(self, name, value):
-        """Return the first diagnostics with a count of this value."""
+        """Wait for diagnostics in which ``name`` has this value, and return their status."""
 
         def find():
             for status in self.diagnostics:
@@ -97,7 +97,7 @@ class Finger:
         self.connect()
 
     def connect(self):
-        """Wait until each publisher has met its subscriber, and the features are announced."""
+        """Wait for all subscriptions, and for the specifications of the feature node."""
         topics = {f'/{topic}' for topic in (FEATURES, ANSWERS, f'{NAME}/vision_classification')}
         publishers = [
             publisher
@@ -115,7 +115,7 @@ class Finger:
         )
 
     def send(self, *windows):
-        """Send windows of features."""
+        """Publish windows of features."""
         for window in windows:
             self.windows.publish(feature_window_to_msg(window))
 
@@ -135,7 +135,7 @@ class Finger:
 
 @pytest.fixture
 def make_finger(context, model_path):
-    """Return a maker of fingers; ``features`` are the parameters of the feature node, if any."""
+    """Return a function that makes a `Finger`; ``features`` are feature node parameters."""
     fingers = []
 
     def make(features=None, **parameters):
@@ -149,7 +149,7 @@ def make_finger(context, model_path):
 
 @pytest.fixture
 def make_trials():
-    """Return a maker of the events and samples of two texture trials, and of one lost sample."""
+    """Return a function that makes events and blocks of two trials; one sample can be lost."""
     tension_n = np.random.default_rng(0).normal(3.0, 0.1, 900)
     facts = {'protocol': 'texture', 'contact': 'flexion', 'glide_speed_m_s': 0.02}
 

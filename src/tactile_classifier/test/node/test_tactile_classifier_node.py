@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node over real DDS: classification of windows, with and without a feature node."""
+"""Tests of the classifier node over real DDS, with and without a feature node."""
 
 import importlib.util
 import shutil
@@ -28,7 +28,7 @@ HAS_VISION = importlib.util.find_spec('vision_msgs') is not None
 
 def test_windows_are_classified_over_the_wire(make_finger, model_path, make_window):
     depth = 'qos_overrides./tactile_classifier/classification.publisher.depth'
-    # Diagnostics are published even if no time is published.
+    # With use_sim_time, diagnostics are published even if there is no clock.
     finger = make_finger(contact='flexion', use_sim_time=True, **{depth: 7})
     finger.bring_up()
     windows = [
@@ -110,7 +110,7 @@ def test_answers_are_said_in_the_standard_message_too(make_finger, make_window):
     finger.listen(Classification, 'tactile_classifier/vision_classification', heard)
     finger.bring_up()
     model = finger.models.models[0]
-    window, answer = next(  # one that the model does not take for unknown
+    window, answer = next(  # the first window that is not unknown
         (window, answer)
         for window in map(make_window, range(30))
         if (answer := model.classify_window(window)).outcome == PredictionOutcome.LABEL
@@ -183,7 +183,7 @@ def folder(tmp_path_factory):
 
 
 def answer_alone(path, events, blocks):
-    """Return the results of one model with an extractor that only computes its features."""
+    """Return the results of one model if no other model is used."""
     (contract,), _ = read_contracts(path)
     extractor = TrialFeatureExtractor(FeatureConfig(), [contract.spec])
     windows = [w for event in events for w in extractor.add_event(event_from_msg(event))]
@@ -207,7 +207,7 @@ def test_each_model_answers_with_the_bits_that_it_gives_alone(make_finger, make_
     for answers in alone.values():
         model_id = answers[0].model_id
         assert [a for a in finger.answers if a.model_id == model_id] == answers
-    # The lost sample is refused by the one and filled by the other.
+    # The model "full" allows no lost samples; for the model "short", they are interpolated.
     (lost,) = [a for a in alone['full'] if a.trial_id == 't1']
     assert 'max_gap_samples allows 0' in lost.reason
     assert 'missing' not in alone['short'][0].reason

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers of a model on windows of features: a label, unknown, or why not."""
+"""Results of a model for windows of features: a label, unknown, or a reason."""
 
 import dataclasses
 
@@ -132,7 +132,7 @@ def test_answers_on_many_windows_are_those_on_each(small_table, make_window, tmp
 def test_the_manifest_lists_the_training_trials_and_no_others(
     texture_table, stiffness_table, tmp_path
 ):
-    for table in (texture_table, stiffness_table):  # with novelty, and of three features
+    for table in (texture_table, stiffness_table):
         keep = np.arange(len(table)) % 4 == 0
         model = write_model(tmp_path / 'm.npz', train(table.take(keep), 'knn'))
         found = np.isin(table.digest_trials(), model.manifest.trial_digests)
@@ -164,7 +164,7 @@ def early_model(early_path):
 
 @pytest.fixture
 def early_window(early_table, make_window):
-    """Return a maker of early windows with the features of one trial."""
+    """Return a function that makes an early window with the features of a trial."""
 
     def make(trial, **changes):
         fields = {

@@ -82,7 +82,7 @@ def test_equal_scores_have_equal_probabilities(scores):
 
 
 def test_surplus_is_over_sessions():
-    # Stated 0.9 in each of three sessions of ten, with 9, 8 and 7 right.
+    # The stated probability is 0.9. Of ten trials per session, 9, 8 and 7 are correct.
     probabilities = np.tile([0.9, 0.1], (30, 1))
     true = np.concatenate([np.arange(10) >= right for right in (9, 8, 7)]).astype(int)
     session = np.repeat(np.arange(3), 10)
@@ -109,7 +109,7 @@ def test_order_is_kept_and_probabilities_add_up_to_one(scores, slope, offset):
 
 
 def test_calibration_error_of_known_numbers():
-    # Two bins: 0.9 stated and 3 of 4 right, 0.6 stated and 2 of 2 right.
+    # In the bin of 0.9, 3 of 4 predictions are correct; in the bin of 0.6, 2 of 2.
     stated = np.array([0.9] * 4 + [0.6] * 2)
     probabilities = np.stack([stated, 1 - stated], axis=1)
     true = np.array([0, 0, 0, 1, 0, 0])
@@ -131,7 +131,7 @@ PAIRS = list(combinations(range(7), 2))
     [
         (['a', 'b'] * 10, np.repeat(np.arange(5), 4), 'one session held out', 5),
         (['a', 'b'] * 20, np.repeat(np.arange(10), 4), 'session held out in 6 folds', 10),
-        # Six objects on two days, a session each, wherever the names put them.
+        # Each of six objects has one session on each of two days. The order of names is arbitrary.
         ([name[0] for name in OWN], OWN, 'session held out in 6 folds', 12),
         ([name[0] for name in OWN], [name[::-1] for name in OWN], 'session held out in 6 fo', 12),
         # Each pair of seven sessions has a separate label, so no two may share a fold.
@@ -144,7 +144,7 @@ def test_sessions_are_held_out_whole(labels, sessions, split, groups):
     assert folds.split.startswith(split)
     assert folds.groups == groups
     check_whole(folds, sessions)
-    if groups == 12:  # as even as can be
+    if groups == 12:  # each label is in two folds, and each fold has two labels
         assert all(len(set(folds.fold[labels == label])) == 2 for label in 'abcdef')
         assert all(len(set(labels[folds.fold == i])) == 2 for i in range(6))
 
@@ -167,7 +167,7 @@ def test_sessions_of_the_same_labels_are_folds_in_turn():
 
 
 def repeats(conditions, seed):
-    """Return six trials of two labels under each condition: near copies far from the others."""
+    """Return a table with near copies: three trials for each condition and label."""
     rng = np.random.default_rng(seed)
     labels = np.tile(np.repeat(['a', 'b'], 3), conditions)
     values = np.repeat(rng.normal(size=(2 * conditions, 3)), 3, axis=0)
@@ -179,7 +179,7 @@ def repeats(conditions, seed):
 def test_trials_or_conditions_are_folds_where_sessions_do_not_allow_it():
     trials = make_group_folds(make_table(['a', 'b'] * 10))
     assert (trials.split, trials.groups) == ('stratified 6-fold over trials', 0)
-    # Each label in one session only: with that held out, no model could know it.
+    # Each label has only one session, so holding out a session would remove a label.
     apart = make_table(['a'] * 5 + ['b'] * 5, session_id=['s1'] * 5 + ['s2'] * 5)
     assert make_group_folds(apart).split == 'stratified 5-fold over trials'
     table = repeats(8, 0)
@@ -206,14 +206,14 @@ def test_stated_calibration_error_is_that_of_new_conditions():
 
     stated, true = state(table)
     assert stated == pytest.approx(true, abs=0.03)
-    # Folds of single trials judge by near copies of the trials that are held out.
+    # If single trials are held out, their near copies are among the training trials.
     stated, true = state(dataclasses.replace(table, columns={}))
     assert stated < true / 2
     assert true > 0.1
 
 
 def test_no_trial_is_judged_by_a_model_that_knew_it():
-    # Random labels: accuracy would be too high if trials were their own neighbours.
+    # Labels are random, so the accuracy is only high if a model was trained on tested trials.
     table = make_table(np.random.default_rng(5).choice(['a', 'b'], 200))
     fold = make_group_folds(table).fold
     scores, true = hold_out_scores(table, 'tree', 'none', fold)
@@ -235,7 +235,7 @@ def test_held_out_part_states_its_own_error(texture_table):
     assert np.mean(shares) == pytest.approx(0.1, abs=0.01)
     strict = calibrate_held_out(texture_table, 'knn', 'none', folds, 0.1, strict=True)
     shares = [np.mean(each > strict.novelty_threshold) for each in known.sessions]
-    # The strict threshold is the quantile of the worst session; the others reject less.
+    # The strict threshold rejects 10 % in the worst session, and less in the others.
     assert max(shares) == pytest.approx(0.1, abs=0.01)
     assert 0.9 < part.accuracy <= 1.0
 
@@ -259,7 +259,7 @@ def test_unlearned_labels_are_those_of_models_without_them(texture_table):
     assert found.labels == 4
     assert found.miss_rate == pytest.approx(np.mean(missed))
     assert found.strict_miss_rate == pytest.approx(np.mean(strictly_missed))
-    # Too few labels, or trials for the rate.
+    # There are too few labels, or too few trials for the rate.
     two = texture_table.take(texture_table.labels < 'plate 2')
     assert leave_labels_out(two, make_group_folds(two), 0.1) is None
     few = texture_table.take(np.arange(480) % 20 == 0)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Classification of one window of samples: equal to the stream, and refused inputs."""
+"""Classification of samples: results equal those of a stream; wrong inputs are refused."""
 
 import dataclasses
 from pathlib import Path
@@ -28,7 +28,7 @@ SPEED_M_S = 0.02
 
 
 def make_rows(label, seed, count, rate_hz, samples):
-    """Return trials of samples: a wave of the label's own frequency on a falling level."""
+    """Return trials with a falling level and a wave whose frequency depends on the label."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(samples) / rate_hz
     phase = rng.uniform(0.0, 2 * np.pi, (count, 1))
@@ -38,7 +38,7 @@ def make_rows(label, seed, count, rate_hz, samples):
 
 
 def table_of_rows(task, config, samples, sessions=3, each=10, **options):
-    """Return the features of ready-cut windows, under the specification of a feature node."""
+    """Return features of windows that are already cut, with a feature node's specification."""
     rows = np.concatenate(
         [make_rows(i, i, sessions * each, config.rate_hz, samples) for i in range(3)]
     )
@@ -52,7 +52,7 @@ def table_of_rows(task, config, samples, sessions=3, each=10, **options):
 
 
 def stream(task, config, tension_n, phase, end_s):
-    """Return the windows that come from samples and events, one phase from the first sample."""
+    """Return the windows that an extractor cuts from a phase that begins at the first sample."""
     wanted = [spec_for(task, config)]
     extractor = TrialFeatureExtractor(config, wanted)
     events = [
@@ -90,7 +90,7 @@ def test_the_answer_is_that_on_the_window_of_the_stream_bit_for_bit(case, tmp_pa
     lead = np.full(round(crop_s * config.rate_hz), 6.0)
     end_s = crop_s + samples / config.rate_hz + config.stiffness_crop_end_s
     seen = set()
-    for label in range(4):  # the last is none of the model's
+    for label in range(4):  # the model does not know label 3
         row = make_rows(label, 90 + label, 1, config.rate_hz, samples + 200)[0]
         tension_n = np.concatenate([lead, row])
         (window,) = stream(task, config, tension_n, phase, end_s)
@@ -104,7 +104,7 @@ def test_the_answer_is_that_on_the_window_of_the_stream_bit_for_bit(case, tmp_pa
         assert answer.label == (live.label or UNKNOWN)
         assert (answer.reason or '') == live.reason
         seen.add(answer.label)
-    # Waveforms of another phase are like none of the training.
+    # Phases are random, so each waveform may be unlike all training trials.
     assert seen > {UNKNOWN} or case in ('waveform', 'over distance')
 
 

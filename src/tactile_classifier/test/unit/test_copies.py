@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Which trials count as copies, and that every kind of fold keeps them together."""
+"""Tests of finding copies of trials, and of keeping copies in the same fold."""
 
 import tracemalloc
 
@@ -29,7 +29,7 @@ def name_labels(trials, labels=3):
 
 
 def double(values, labels, jitter=0.0, **columns):
-    """Return a table with each trial twice, then with noise of the spread ``jitter``."""
+    """Return a table with each trial twice; ``jitter`` scales noise that is added to the copy."""
     noise = np.random.default_rng(9).normal(size=values.shape) * values.std()
     return make_table(
         np.tile(labels, 2), np.concatenate([values, values + jitter * noise]), **columns
@@ -41,7 +41,7 @@ def test_each_trial_twice_leaves_noise_at_chance_and_is_named():
     once = evaluate(make_table(labels, values), ['knn'], ['none'], repetitions=3)
     twice = evaluate(double(values, labels), ['knn'], ['none'], repetitions=3)
     assert once.score('knn', 'none').mean < 0.5
-    assert twice.score('knn', 'none').mean < 0.5  # 0.94 while copies were divided
+    assert twice.score('knn', 'none').mean < 0.5  # 0.94 if copies were in different folds
     (warning,) = twice.warnings
     assert warning.startswith('60 of 120 trials are copies of other trials: 60 of 0, 61 of 1, ')
     assert twice.score('knn', 'none').interval.method.endswith('over 60 groups of repeats')
@@ -56,7 +56,7 @@ def test_trials_with_a_little_noise_are_copies(jitter):
 
 def test_other_digits_scales_and_units_change_nothing():
     values, labels = spectra(40), name_labels(40, 2)
-    values[:, 5] *= 1e6  # a feature of another unit
+    values[:, 5] *= 1e6  # as if one feature had another unit
     rounded = values.astype(np.float32).astype(float)
     found = find_copies(np.concatenate([values, rounded]) * 1e-3, np.tile(labels, 2))
     np.testing.assert_array_equal(found, np.tile(np.arange(40), 2))
@@ -74,7 +74,7 @@ def test_a_trial_with_two_labels_and_a_chain_of_copies_are_one_group():
 
 
 def make_holds(repetitions, mountings=6, seed=1):
-    """Return holds of a smooth and of a rough plate: noise, and a level that mountings change."""
+    """Return holds of a smooth and of a rough plate; the level differs between mountings."""
     rng = np.random.default_rng(seed)
     rows, labels = [], []
     for plate, roughness_n in (('smooth', 0.0), ('rough', 0.4)):
@@ -84,7 +84,7 @@ def make_holds(repetitions, mountings=6, seed=1):
                     roughness_n * rng.normal() * np.sin(0.9 * np.arange(180) + rng.uniform(0, 6))
                 )
                 signal_n = level_n + wave + rng.normal(0.0, NOISE_N, 180)
-                rows.append(np.round(signal_n / 1e-3) * 1e-3)  # steps of the sensor
+                rows.append(np.round(signal_n / 1e-3) * 1e-3)  # resolution of the sensor
                 labels.append(plate)
     return np.array(rows), np.array(labels)
 
@@ -118,12 +118,12 @@ def test_many_trials_take_little_memory():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     np.testing.assert_array_equal(found, np.tile(np.arange(2500), 2))
-    assert peak < 100e6  # all distances within a label: 50 MB a label, several times
+    assert peak < 100e6  # a matrix of all distances within a label has 50 MB
     assert len(np.unique(find_copies(np.ones((5000, 91)), np.full(5000, 'a')))) == 1
 
 
 def hold_together(folds, copies):
-    """Return whether no fold trains on copies of its tests, and each trial is tested once."""
+    """Return True if no fold has copies of its test trials, and each trial is tested once."""
     tested = np.sort(np.concatenate([test for _, test in folds]))
     leaks = [np.isin(copies[train], copies[test]).any() for train, test in folds]
     return not any(leaks) and np.array_equal(tested, np.arange(len(copies)))
@@ -155,14 +155,14 @@ def test_without_copies_random_folds_are_those_of_scikit_learn():
 
 def test_a_copy_in_another_session_is_held_out_with_the_first():
     values, labels = spectra(60), name_labels(60)
-    values[59] = values[2]  # of session 3 and of session 0
+    values[59] = values[2]  # trial 59 of session 3 is a copy of trial 2 of session 0
     labels[59] = labels[2]
     table = make_table(labels, values, session_id=np.repeat(['0', '1', '2', '3'], 15))
     split = grouped_split(table, ['session_id'])
     assert hold_together(split.repeats[0], table.copies)
     assert 59 in split.repeats[0][0][1]
     assert make_group_folds(table).fold[59] == make_group_folds(table).fold[2]
-    # A session that is a copy of another one is no session.
+    # If a session is a copy of another one, the two are held out together.
     again = double(values[:30], labels[:30], session_id=np.repeat(['0', '1', '2', '1'], 15))
     assert len(grouped_split(again, ['session_id']).repeats[0]) == 2
     whole = double(values[:30], labels[:30], session_id=np.repeat(['0', '1'], 30))

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The classifiers: exact neighbours, and warnings of support vector machines."""
+"""Tests of nearest neighbours, and of the warnings of support vector machines."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,7 +27,7 @@ from tactile_classifier.training.trainer import Trained
 @pytest.mark.parametrize('offset', [0.0, 1e6])
 def test_answers_away_from_ties_are_those_of_scikit_learn(texture_table, scaling, offset):
     labels = texture_table.labels
-    # Random errors as large as the differences of the classes, so that votes are split.
+    # The noise is so large that the neighbours of a trial have different labels.
     noise = np.random.default_rng(4).normal(0.0, 0.05, texture_table.values.shape)
     values = texture_table.values + noise + offset
     peer = KNeighborsClassifier(3, algorithm='kd_tree')
@@ -38,17 +38,17 @@ def test_answers_away_from_ties_are_those_of_scikit_learn(texture_table, scaling
         for each in (build_estimator('knn', scaling), peer)
     )
     np.testing.assert_array_equal(answer, expected)
-    assert np.sum(answer != labels[test]) > 0  # otherwise nothing was compared but easy cases
+    assert np.sum(answer != labels[test]) > 0  # otherwise, all cases would be easy
 
 
 @st.composite
 def trials_and_midpoints(draw):
-    """Trials on a coarse grid, many twice, and asked at all midpoints of two of them."""
+    """Return trials on a coarse grid, their labels, and the midpoints of all pairs of trials."""
     k = draw(st.integers(1, 11))
     trials = draw(st.integers(3, 14))
     grid = draw(st.integers(1, 4))
     cells = draw(st.lists(st.integers(-grid, grid), min_size=trials * k, max_size=trials * k))
-    # 0.1: no multiple of a power of two, so that differences are rounded.
+    # With multiples of 0.1, differences are rounded.
     values = np.array(cells).reshape(trials, k) * draw(st.sampled_from([0.1, 1.0, 1e5, 1e-160]))
     values = values + draw(st.sampled_from([0.0, 0.3, 1e6]))
     labels = draw(st.lists(st.sampled_from('abc'), min_size=trials, max_size=trials))
@@ -103,7 +103,7 @@ def test_unknown_names_are_refused():
     assert scalings == ['none', 'none', 'standard', 'none']
 
 
-@pytest.mark.filterwarnings('error')  # scikit-learn's own words would come besides
+@pytest.mark.filterwarnings('error')  # scikit-learn must not warn as well
 def test_machine_that_does_not_converge_says_so(monkeypatch):
     monkeypatch.setattr(classifiers, 'MAX_SVM_STEPS', 1_000)
     rng = np.random.default_rng(1)
@@ -116,8 +116,8 @@ def test_machine_that_does_not_converge_says_so(monkeypatch):
 @pytest.mark.filterwarnings('error')
 def test_machine_that_never_gives_a_label_says_so():
     labels = np.repeat(['a', 'b'], [20, 19])
-    values = 1e-3 * (labels == 'a')[:, None]  # as small as amplitudes in newtons can be
-    silent = build_estimator('svm_linear', 'none').fit(values, labels)  # as in a fold
+    values = 1e-3 * (labels == 'a')[:, None]  # amplitudes can be this small [N]
+    silent = build_estimator('svm_linear', 'none').fit(values, labels)
     with pytest.raises(UserWarning, match=r'linear .* never predicts b,'):
         warn_of_labels_never_given(silent, values)
     for classifier, scaling, first in (

@@ -31,8 +31,8 @@ def test_threshold_of_the_fewest_trials_is_their_largest(rate, needed):
 
 @pytest.mark.parametrize('strict', [False, True])
 def test_threshold_holds_its_rate_on_further_trials(strict):
-    # Exactly: of n + 1 exchangeable trials, the last lies above with probability
-    # at most the rate, and at least the rate minus 1 / (n + 1).
+    # If n + 1 trials are exchangeable, the last one exceeds the threshold of the others with a
+    # probability of at most the rate, and at least the rate minus 1 / (n + 1).
     novelty = np.random.default_rng(3).exponential(size=(4000, 51))
     above = [
         row[-1] > HeldOutNovelty((row[:-1],)).compute_threshold(0.1, strict=strict)
@@ -52,9 +52,9 @@ def test_thresholds_of_known_numbers():
     novelty = np.tile(np.arange(40.0), (6, 1))
     novelty[3] += 100.0
     known = by_session(novelty)
-    # The 39th smallest of 40 bounds a 41st at 5 %: by the worst session.
+    # The strict threshold is the 39th smallest of the 40 novelties of the worst session.
     assert known.compute_threshold(0.05, strict=True) == 138.0
-    # Of all 240 trials, 12 of 241 may lie above with the new one: 11 do.
+    # With a new trial, there are 241. At most 5 % may exceed the threshold: it and 11 others.
     assert known.compute_threshold(0.05) == 128.0
     assert known.reject_sessions(0.05) == (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     with pytest.raises(ValueError, match='needs 99 trials'):
@@ -64,7 +64,7 @@ def test_thresholds_of_known_numbers():
 def test_each_session_has_the_same_weight():
     few, many = np.arange(100.0) + 100.0, np.arange(900.0) / 10
     threshold = HeldOutNovelty((few, many), ('few', 'many')).compute_threshold(0.1)
-    # A tenth of the mean over both sessions are a fifth of the few.
+    # If a fifth of ``few`` and nothing of ``many`` is rejected, the mean is a tenth.
     assert np.mean(few > threshold) == pytest.approx(0.2, abs=0.02)
 
 

@@ -1,8 +1,8 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals of accuracies, and the difference of two models, against SciPy and the literature.
+"""Comparison of intervals of accuracies and differences with SciPy and the literature.
 
-Coverage is in `test/analysis/test_interval_coverage.py`.
+`test/analysis/test_interval_coverage.py` tests the coverage of the intervals.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def ends(interval):
 
 def test_no_error_is_not_certainty_and_equal_groups_with_errors_have_no_interval():
     interval = accuracy_interval(np.ones(60), 'trials')
-    # The probability of no error in 60 trials at the lower limit is 2.5 %.
+    # If the accuracy is the lower limit, 60 correct trials have a probability of 2.5 %.
     assert interval.low**60 == pytest.approx(0.025)
     assert interval.high == 1.0
     nothing = accuracy_interval(np.zeros(60), 'trials')
@@ -38,14 +38,14 @@ def test_no_error_is_not_certainty_and_equal_groups_with_errors_have_no_interval
 @pytest.mark.parametrize(('groups', 'low'), [(2, 0.158), (3, 0.292), (6, 0.541), (20, 0.832)])
 def test_groups_that_are_all_right_have_the_exact_binomial_bound(groups, low):
     found = accuracy_interval(np.ones(groups), 'groups')
-    # As if each group were a single trial.
+    # Each group counts as a single trial.
     expected = binomtest(groups, groups).proportion_ci(0.95, 'exact')
     assert ends(found) == pytest.approx((expected.low, expected.high))
     assert found.low == pytest.approx(low, abs=5e-4)
     assert found.method == f'exact binomial over {groups} groups'
     nothing = accuracy_interval(np.zeros(groups), 'groups')
     assert ends(nothing) == pytest.approx((0.0, 1.0 - found.low))
-    # A group with most of the trials says less than its share.
+    # If one group contains most of the trials, the interval is wider.
     heavy = accuracy_interval(np.ones(groups), 'cells', np.r_[100, np.ones(groups - 1)])
     assert heavy.low < found.low
 
@@ -64,7 +64,7 @@ def test_tiny_spread_gives_a_narrow_interval_about_the_mean():
 
 
 def test_wilson_is_that_of_the_textbook_for_many_trials():
-    # 81 of 263, Newcombe (1998), table I: 0.2553 to 0.3662 with the normal quantile.
+    # For 81 of 263 trials, table I of Newcombe (1998) has 0.2553 to 0.3662.
     interval = accuracy_interval((np.arange(263) < 81).astype(float), 'trials')
     assert ends(interval) == pytest.approx((0.2553, 0.3662), abs=5e-4)
 
@@ -86,7 +86,7 @@ def test_paired_difference_is_student_s():
 
 
 def draw(sessions, each, shares, seed=3):
-    """Return labels, predictions of A and B, and sessions that differ in accuracy."""
+    """Return labels, predictions of each model, and sessions; accuracy differs by session."""
     generator = np.random.default_rng(seed)
     session = np.repeat(np.arange(sessions), each)
     labels = np.tile(['a', 'b', 'c', 'd'], len(session))[: len(session)]
@@ -113,7 +113,7 @@ def test_mcnemar_is_the_exact_test_of_the_discordant_trials():
     a, b = (np.where(kinds == wrong, 'b', 'a') for wrong in (1, 0))
     found = compare_predictions(labels, a, b, None)
     assert (found.only_a, found.only_b) == (2, 9)
-    # Twice the probability of at most 2 of 11 fair coins.
+    # The p-value is twice the probability of at most two heads in 11 tosses of a fair coin.
     assert found.p_value == pytest.approx(2 * (1 + 11 + 55) / 2**11)
     assert found.interval.reason == 'all trials are of one session'
     same = compare_predictions(labels, a, a, None)
@@ -145,7 +145,7 @@ def test_intervals_of_equal_models_hold_zero_in_nineteen_of_twenty():
 
 
 def test_the_measured_coverage_is_stated_for_held_out_groups():
-    """Not for the exact binomial interval, where all groups are completely right or wrong."""
+    """No coverage is stated if each group is completely right or wrong (exact binomial)."""
     assert format_coverage('groups', [1.0, 0.9]) == (
         '; such intervals contained the true accuracy in 84 to 95 % of simulated experiments'
     )

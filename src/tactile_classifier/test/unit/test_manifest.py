@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The manifest of a model file, and the card for people that is made of it."""
+"""Tests of the manifest of a model file, and of the model card."""
 
 import contextlib
 import dataclasses
@@ -226,7 +226,7 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
             ['95 % interval 80.0 to 95.0 %; such intervals contained the true accuracy in 84 to'],
             [],
         ),
-        # Too few trials for the rate: that is the reason, not the sessions.
+        # The reason is the number of trials, not the number of sessions.
         (
             {'training': SEVERAL, 'calibration': {'reason': '12 trials cannot'}},
             ['No sessions were held out: 12 trials cannot. Accuracy'],
@@ -266,7 +266,7 @@ def test_conditions_come_from_the_training_trials():
     )
     assert found == TrainingTrials(3, 1, 2, 0.02, 0.04, 6)
     assert describe_training(make_table(labels, session_id=[''] * 12)) == TrainingTrials()
-    # Archives of others may say "session".
+    # Archives from other projects may have a column "session" instead of "session_id".
     assert describe_training(make_table(labels, session=[1, 2] * 6)).sessions == 2
 
 
@@ -282,7 +282,7 @@ def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_tabl
         'from 4 combinations of features and classifier; '
         f'runner-up: texture_spectrum, {CLASSIFIER_TITLES[runner_up.candidate.classifier]}, '
     )
-    # Only the nested accuracy, not the accuracies of the best candidate or the calibration.
+    # The card must not contain the accuracies of the candidates or of the calibration.
     nested = f'{100 * choice.nested.mean:.1f} %'
     assert facts['accuracy'].startswith(f'{nested} (stratified 2-fold, once, chosen inside')
     others = {f'{100 * each.score.mean:.1f} %' for each in choice.ranking} - {nested}

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Model files: written as trained, refused when damaged or hostile."""
+"""Tests of writing model files, and of refusing damaged or malicious ones."""
 
 import dataclasses
 import subprocess
@@ -53,10 +53,10 @@ def test_model_file_answers_as_scikit_learn_does(
 def test_features_far_from_zero_keep_double_precision(
     stiffness_table, tmp_path, classifier, scaling
 ):
-    # Single precision would leave nothing of the differences beside the offset.
+    # In single precision, the offset would leave no digits for the differences.
     values = stiffness_table.values * 1e-3 + 1e6
     trained = train(dataclasses.replace(stiffness_table, values=values), classifier, scaling)
-    # A linear kernel of 1e12 costs four digits in scikit-learn as well.
+    # The values of the linear kernel are so large that scikit-learn also loses four digits.
     check_model(trained, tmp_path / 'm.npz', (values + values[::-1]) / 2, 1e-2)
 
 
@@ -80,7 +80,7 @@ def test_a_model_that_changes_labels_is_not_written(small_table, tmp_path):
     labels = np.where(small_table.labels == 'plate 0', UNKNOWN, small_table.labels)
     with pytest.raises(ModelFileError, match='the label "unknown" is reserved'):
         write_model(path, train(dataclasses.replace(small_table, labels=labels), 'knn'))
-    # Other labels on the same neighbours, as a fault in our prediction would give.
+    # The estimator now predicts other labels than the model, as if the model had a fault.
     trained.estimator[-1].predict = lambda values: np.full(len(values), 'plate 0')
     with pytest.raises(ModelFileError, match='labels of 24 of 36 training trials differ from'):
         write_model(path, trained)
@@ -95,7 +95,7 @@ def test_a_fault_that_shows_only_near_borders_is_found(small_table, classifier, 
     trained = train(table, classifier, 'standard')
     predictor = make_predictor(trained)
     check_labels(predictor, trained.estimator, trained.values)
-    # Trials keep their labels; one point between two of them has another.
+    # The changed estimator predicts another label at one point between two trials only.
     near = model_writer._find_points_near_borders(predictor, trained.values)
     real, names = trained.estimator.predict, trained.estimator.classes_
     turned = dict(zip(names, np.roll(names, 1), strict=True))
@@ -140,9 +140,9 @@ def test_equal_distances_go_to_the_earlier_trial_and_equal_votes_to_the_first_la
         knn = prediction.Neighbours(np.array(trials)[:, None], np.eye(len(names))[codes])
         return names[knn.compute(np.array(row)).argmax()]
 
-    assert answer([1.0, -2.0, 3.0], 'cba') == 'a'  # of equal votes the first label
+    assert answer([1.0, -2.0, 3.0], 'cba') == 'a'  # if votes are equal, the first label
     assert answer([0.1, 1.0, 1.1, 9.0], 'abba') == 'b'
-    assert answer([1.0] * 5, 'babaa') == 'b'  # of duplicates the earlier trials
+    assert answer([1.0] * 5, 'babaa') == 'b'  # the three earliest of equal trials
     assert answer([1.0, -1.0, 1.0, -1.0], 'bbaa') == 'b'
 
 
@@ -150,7 +150,7 @@ def test_a_pair_of_labels_with_a_value_of_zero_votes_for_the_first():
     np.testing.assert_array_equal(prediction.count_votes(np.array([0.5])), [-0.5, 0.5])
     votes = prediction.count_votes(np.zeros(3))
     np.testing.assert_array_equal(votes, [2.0, 1.0, 0.0])
-    # All votes for one label: (0, 1) and (0, 2) are lost by the first label.
+    # Label 0 loses both of its pairs. Label 1 wins both of its pairs, (0, 1) and (1, 2).
     one_sided = prediction.count_votes(np.array([-1.0, -1.0, 1e-300]))
     assert one_sided.argmax() == 1
     np.testing.assert_allclose(one_sided, [-2 / 9, 2 + 1 / 6, 1 + 1 / 6])
@@ -184,12 +184,12 @@ def test_damaged_bytes_are_refused(model_path):
             found = TactileModel(bytes(each))
         except ModelFileError:
             continue
-        # A bit of the ZIP file that nothing depends on, such as a date: no bit of the contents.
+        # The damaged bit does not belong to the contents; it may be in a date, for example.
         assert len(each) == len(data)
         assert found.manifest == whole.manifest
 
 
-@pytest.mark.parametrize('content', [b'', b'hello, world', b'\x80\x04\x95'])  # a pickle
+@pytest.mark.parametrize('content', [b'', b'hello, world', b'\x80\x04\x95'])  # pickle
 def test_what_is_no_model_is_refused_with_its_path(tmp_path, content):
     path = tmp_path / 'm.npz'
     with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):
@@ -207,7 +207,7 @@ def test_what_is_no_model_is_refused_with_its_path(tmp_path, content):
 
 
 def change(path, arrays=(), **entries):
-    """Return a model file with other arrays or entries, as whole as the first; None removes."""
+    """Return a model file with changed arrays and entries; an array that is None is removed."""
     manifest, old = open_container(path.read_bytes())
     new = {**old, **dict(arrays)}
     kept = {name: array for name, array in new.items() if array is not None}
@@ -295,7 +295,7 @@ def tree_path(small_table, tmp_path_factory):
     [
         ('feature', lambda a: np.where(a >= 0, 91, a)),
         ('feature', lambda a: np.where(a >= 0, -1, a)),
-        ('below', lambda a: np.where(a >= 0, 0, a)),  # back to the root, without end
+        ('below', lambda a: np.where(a >= 0, 0, a)),  # the path returns to the root
         ('above', lambda a: np.where(a >= 0, len(a), a)),
     ],
 )

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Several models of one finger: each answers the windows of its specification."""
+"""Tests of several models of one finger; each classifies windows of its specification."""
 
 import dataclasses
 import shutil
@@ -29,7 +29,7 @@ GAPS = spec_for('texture', FeatureConfig(max_gap_samples=3))
 
 
 def table_of(table, spec, contact='flexion'):
-    """Return the table with another specification and this number of columns."""
+    """Return the table with another specification, and with as many features as it has."""
     columns = {**table.columns, 'contact': np.full(len(table), contact)}
     values = table.values[:, : len(spec.names)]
     return dataclasses.replace(table, values=values, spec=spec, columns=columns)
@@ -37,7 +37,7 @@ def table_of(table, spec, contact='flexion'):
 
 @pytest.fixture(scope='module')
 def folder(small_table, stiffness_table, model_path, early_path, tmp_path_factory):
-    """Return a folder of models; the names of the files say nothing."""
+    """Return a folder of models with different specifications."""
     folder = tmp_path_factory.mktemp('models')
     shutil.copy(model_path, folder / 'a.npz')
     write_model(folder / 'b.npz', train(table_of(small_table, SHORT), 'knn'))
@@ -50,7 +50,7 @@ def folder(small_table, stiffness_table, model_path, early_path, tmp_path_factor
 
 @pytest.fixture
 def window_of(make_window):
-    """Return a maker of windows of a specification."""
+    """Return a function that makes a window of a specification."""
 
     def make(spec, trial=0, **changes):
         whole = make_window(trial)
@@ -90,7 +90,7 @@ def test_each_model_answers_its_windows_as_if_alone(folder, window_of):
         *((window_of(FULL, trial), 'a') for trial in range(3)),
         *((window_of(SHORT, trial), 'b') for trial in range(3)),
         *((window_of(EARLY, trial), 'd') for trial in range(3)),
-        (window_of(LATER), ''),  # of a model for another contact
+        (window_of(LATER), ''),  # its only model is for another contact
     ):
         expected = [alone[name].classify_window(window) for name in names]
         assert models.classify(window) == expected
@@ -121,7 +121,7 @@ def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_
     assert 'max_gap_samples) differs: required 0.0, found 3' in answer.reason
     (sentence,) = models.unfed
     assert f'set its parameter models to {folder / "a.npz"}' in sentence
-    # Its own windows are announced, so windows of other specifications are for other models.
+    # The specification of the model is announced, so it receives windows that fit it.
     models.set_specifications([GAPS, FULL])
     assert models.classify(window_of(GAPS)) == []
     assert models.unfed == ()
@@ -160,7 +160,7 @@ def test_counts_of_answers(folder, window_of):
     models = ModelSet.load(folder, 'flexion')
     models.set_specifications([FULL, SHORT])
     missing = models.unfed
-    assert len(missing) == 2  # of the hold, and of the early window
+    assert len(missing) == 2  # the models for holds and for early windows
     assert 'stiffness' in missing[0]
     assert len(models.classify(window_of(FULL))) == 1
     assert models.mismatch is None

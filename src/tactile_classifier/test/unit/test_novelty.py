@@ -26,7 +26,7 @@ def test_one_unit_and_offsets_of_features_do_not_count():
         two = fit_measure(unit * values, labels, fold).compute(unit * other)
         np.testing.assert_allclose(one, two, rtol=1e-6)
     two = fit_measure(values + offset, labels, fold).compute(other + offset)
-    np.testing.assert_allclose(one, two, rtol=1e-5)  # 1e9 leaves seven digits of the last
+    np.testing.assert_allclose(one, two, rtol=1e-5)  # 1e9 leaves seven digits of a value
 
 
 def test_feature_without_spread_does_not_count():
@@ -48,11 +48,11 @@ def test_equal_trials_and_a_window_in_the_middle_of_all_have_a_finite_novelty():
 @pytest.mark.parametrize('folds', [4, 1])
 def test_novelty_is_its_formula(folds):
     values, labels, fold = clouds(1, apart=4.0)
-    fold %= folds  # only one: the nearest other trial is used
+    fold %= folds  # with one fold, the nearest other trial is used
     windows = clouds(2, apart=4.0)[0]
     means = np.stack([values[labels == x].mean(axis=0) for x in 'abc'])
     owner = np.searchsorted(['a', 'b', 'c'], labels)
-    residuals = (values - means[owner]) * np.sqrt(40 / 39)  # 40 trials a label, without bias
+    residuals = (values - means[owner]) * np.sqrt(40 / 39)  # unbiased for 40 trials per label
     spread = residuals.std(axis=0)
 
     def inverse(deviations):
@@ -86,7 +86,7 @@ def test_novelty_is_its_formula(folds):
 
 
 def find_area(values, labels, fold, left_out):
-    """Return the AUROC in percent of the trials of a label that training does not know."""
+    """Return the AUROC [%] of the novelty for a label that is left out of the training."""
     is_known = (labels != left_out) & (fold > 0)
     measure = fit_measure(values[is_known], labels[is_known], fold[is_known])
     tested = fold == 0
@@ -95,8 +95,8 @@ def find_area(values, labels, fold, left_out):
 
 @pytest.mark.parametrize('case', ['one large feature', 'weak features', 'common change'])
 def test_left_out_labels_are_found_among_unlike_features(case):
-    # One feature may drown the others, many weak ones may be noise, and what changes within all
-    # labels may be larger than what tells them apart.
+    # One feature may be much larger than the others, many weak features may be noise, and changes
+    # common to all labels may be larger than the differences between labels.
     rng = np.random.default_rng(1)
     labels, fold = np.repeat([f'{i:02d}' for i in range(8)], 16), np.tile(np.arange(4), 32)
     centres = np.repeat(rng.normal(size=(8, 20)), 16, axis=0)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rank sums against SciPy and exact fractions, and the selection of features by them."""
+"""Tests of rank sums against SciPy and exact fractions, and of the selection of features."""
 
 from fractions import Fraction
 import itertools
@@ -35,7 +35,7 @@ from tactile_classifier.evaluation.significance import (
 
 
 def peer_p_values(values, labels):
-    """One test by SciPy for each pair and feature; 1 where all values of both are equal."""
+    """Return p-values of SciPy, one test for each pair and feature; 1 for equal values."""
     labels = np.asarray(labels)
     names = sorted(set(labels.tolist()))
     p = np.ones((values.shape[1], len(names), len(names)))
@@ -59,7 +59,7 @@ def test_p_is_that_of_scipy_with_and_without_ties(step):
     expected = peer_p_values(values, labels)
     assert found.labels == ('PLA', 'foam', 'rubber', 'steel')
     np.testing.assert_allclose(found.p, expected, rtol=1e-15, atol=0)
-    assert expected.min() < 1e-6  # else tiny p-values were not looked at
+    assert expected.min() < 1e-6  # so that tiny p-values are tested, too
 
 
 @given(
@@ -76,7 +76,7 @@ def test_p_is_that_of_scipy_on_any_table(values, seed):
     labels[:2] = 'a', 'b'
     found = rank_sum_p_values(values, labels)
     np.testing.assert_allclose(found.p, peer_p_values(values, labels), rtol=1e-15, atol=0)
-    i, j = np.triu_indices(len(found.labels), 1)  # the diagonal is no test
+    i, j = np.triu_indices(len(found.labels), 1)  # without the diagonal
     np.testing.assert_allclose(found.mean_p, found.p[:, i, j].mean(axis=1), rtol=1e-15)
     assert np.array_equal(rank_sum_p_values(values, labels, ['s'] * len(values)).p, found.p)
 
@@ -117,7 +117,7 @@ def test_refuses_what_cannot_be_tested(values, labels, message):
 
 
 def compute_van_elteren(values, labels, strata):
-    """Return statistic and variance of two classes in exact fractions."""
+    """Return statistic and variance of van Elteren's test for two classes, as fractions."""
     surplus, variance = Fraction(0), Fraction(0)
     for stratum in set(strata):
         inside = [
@@ -147,7 +147,7 @@ def test_stratified_p_is_van_elteren_s(step):
     values = np.round(values / step) * step if step else values
     found = rank_sum_p_values(values[:, None], labels, strata)
     surplus, variance = compute_van_elteren(values.tolist(), labels.tolist(), strata.tolist())
-    smallest = Fraction(1, 10)  # weight of the largest stratum that has both
+    smallest = Fraction(1, 10)  # weight of the largest stratum with both labels
     z = (abs(surplus) - smallest / 2) / Fraction(math.sqrt(variance))
     assert found.strata == 4
     assert found.p[0, 0, 1] == pytest.approx(2 * norm.sf(float(z)), rel=1e-12)
@@ -156,7 +156,7 @@ def test_stratified_p_is_van_elteren_s(step):
 def test_stratified_p_is_right_in_size_where_sessions_shift_all_trials():
     rng = np.random.default_rng(10)
     labels = np.tile(np.repeat(['a', 'b'], 10), 6)
-    # One of two classes is tried more often in some sessions: the session is no difference.
+    # Class "a" has fewer trials in the last three sessions. The session shifts both classes.
     keep = rng.random((120,)) < np.where(labels == 'a', np.repeat([1, 0.4], 60), 0.8)
     session = np.repeat(np.arange(6), 20)[keep]
     shift = 3.0 * (session < 3)
@@ -179,7 +179,7 @@ def test_classes_that_share_no_session_are_not_compared():
 
 
 def draw_mountings(rng, sessions, spread, features, trials=10, effect=0.0):
-    """Draw four labels without any effect, each mounted once a session; mountings differ."""
+    """Draw four labels, each mounted once per session; mountings differ by ``spread``."""
     code = np.repeat(np.arange(4), sessions * trials)
     session = np.tile(np.repeat(np.arange(sessions), trials), 4)
     mounting = code * sessions + session
@@ -192,7 +192,7 @@ def draw_mountings(rng, sessions, spread, features, trials=10, effect=0.0):
 @pytest.mark.parametrize('spread', [0.5, 2.0])
 @pytest.mark.parametrize('sessions', [6, 10])
 def test_mountings_that_differ_are_no_effect_of_the_label(sessions, spread):
-    """Of single trials, 24 to 53 % of the pairs had p < 0.05."""
+    """Tests of single trials find p < 0.05 in 24 to 53 % of the pairs."""
     table = draw_mountings(np.random.default_rng(0), sessions, spread, 91)
     found = rank_sum_p_values(
         table.values, table.labels, find_strata(table), find_mountings(table)
@@ -287,7 +287,7 @@ def test_selection_finds_the_two_features_that_tell_among_noise():
 
 
 def test_selection_on_nothing_but_noise_invents_no_accuracy():
-    """Ranked on all trials, some features look telling; inside the folds it is chance."""
+    """A ranking on all trials gives a high accuracy; a ranking inside the folds does not."""
     generator = np.random.default_rng(11)
     values, day = generator.normal(0.0, 1.0, (160, 300)), np.arange(160) % 4
     table = make_table(np.repeat(['a', 'b'], 80), values, day=day)
@@ -304,7 +304,7 @@ def test_selection_on_nothing_but_noise_invents_no_accuracy():
 
 
 def test_the_count_of_features_is_that_of_a_search_through_all_counts():
-    """Counts that cannot become better than a smaller one are not tested to the end."""
+    """Skipping numbers of features that cannot become the best does not change the result."""
     generator = np.random.default_rng(4)
     code = np.repeat([0, 1, 2], 20)
     values = generator.normal(0.0, 1.0, (60, 40))
@@ -326,7 +326,8 @@ def test_the_count_of_features_is_that_of_a_search_through_all_counts():
 
 
 def test_holm_is_that_of_the_textbook():
-    # Holm (1979): the smallest times 4, the next times 3, and so on, never falling.
+    # The smallest p-value is multiplied by 4, the next by 3, and so on; none is below its
+    # predecessor (Holm 1979).
     found = correct_holm([0.04, 0.01, 0.02, 0.03])
     np.testing.assert_allclose(found, [0.06, 0.04, 0.06, 0.06])
     np.testing.assert_allclose(correct_holm([0.9, 0.6]), 1.0)
@@ -334,7 +335,7 @@ def test_holm_is_that_of_the_textbook():
 
 
 def test_eight_comparisons_without_effect_rarely_have_a_verdict():
-    """At 5 % each, one of eight had a verdict in a third of the tables."""
+    """Without Holm's correction, a third of the tables would have at least one verdict."""
     values = np.random.default_rng(5).normal(size=(80, 5))
     table = make_table(np.repeat(['a', 'b'], 40), values)
     split = stratified_split(table, 4, 1)
@@ -353,7 +354,7 @@ def test_eight_comparisons_without_effect_rarely_have_a_verdict():
 
 
 def fake_folds(rng, split, gain=0.0):
-    """Return what selection does in each fold if right answers are independent draws."""
+    """Return one selection per fold and classifier, with random correct predictions."""
     return [
         [
             FoldSelection(

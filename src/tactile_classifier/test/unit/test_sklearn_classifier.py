@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`TactileClassifier`: pipelines as model files."""
+"""Tests of `TactileClassifier`, which writes pipelines to model files."""
 
 from pathlib import Path
 import pickle
@@ -133,7 +133,7 @@ def test_windows_without_features_have_no_answer(tmp_path):
     model = TactileClassifier(
         make_pipeline(StiffnessRelaxation(1000.0), DecisionTreeClassifier())
     ).fit(windows, labels)
-    new = np.stack([windows[0], np.arange(180.0)])  # the intercept of the second one is 0
+    new = np.stack([windows[0], np.arange(180.0)])  # the second one's intercept is 0 N
     assert model.predict_or_unknown(new)[1] == NO_ANSWER
     with pytest.raises(ValueError, match='window 1'):
         model.predict(new)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of features, what their columns say against an evaluation, and how they are split."""
+"""Tests of tables of features, of their warnings for an evaluation, and of their splits."""
 
 import dataclasses
 
@@ -53,7 +53,7 @@ def test_columns_stay_in_step_and_get_our_names(small_table):
     assert sorted(table.columns) == ['mounting_id', 'session_id']
     np.testing.assert_array_equal(table.column('session'), day)
     assert grouped_split(table, ['session']).name == 'one session held out'
-    # The session that is stated as ours stays, and the other one beside it.
+    # If both columns exist, neither is renamed.
     both = {'session': day, 'session_id': day // 2}
     table = dataclasses.replace(small_table, columns=both)
     assert list(table.columns) == list(both)
@@ -132,7 +132,7 @@ def test_cells_are_label_and_conditions_without_numbering_columns():
         {'session_id': np.full(12, 's')},
         {'speed': np.arange(12.0)},
         {'speed': np.tile(np.arange(6.0), 2)},
-        {'maker': np.repeat([1, 2], 6)},  # it follows from the label: no condition
+        {'maker': np.repeat([1, 2], 6)},  # the label determines it
     ],
 )
 def test_without_repeated_conditions_there_are_no_cells(columns):
@@ -155,7 +155,7 @@ def test_without_repeated_conditions_there_are_no_cells(columns):
             ['coincide for 1 of 3 labels (c)', 'contains all trials of 1 of 3 labels (a)'],
         ),
         ('session_id', 'ssssssssssss', []),
-        ('mounting_id', 'aabbccddeeff', []),  # each label has two: holding one out is a test
+        ('mounting_id', 'aabbccddeeff', []),  # each label has two
         ('session_id', 'abababababab', []),
     ],
 )
@@ -167,7 +167,7 @@ def test_labels_that_share_no_group_or_have_one_of_several_are_told(name, groups
 
 
 def make_near_copies(noise, step):
-    """Return ten repeats each of two labels in six sessions."""
+    """Return a table of two labels in six sessions, each with ten near copies."""
     generator = np.random.default_rng(1)
     values = generator.normal(size=(2, 6, 1, 3)).repeat(10, axis=2).reshape(120, 3)
     values += noise * generator.normal(size=values.shape)
@@ -208,7 +208,7 @@ def check_folds(split, labels, seed):
         for train, test in folds:
             assert sorted([*train, *test]) == sorted(trials)
     for train, _ in split.repeats[0]:
-        if len(train) < 6 and len(set(labels)) == 2:  # of a half three neighbours cannot be fitted
+        if len(train) < 6 and len(set(labels)) == 2:  # the inner folds would be too small
             with pytest.raises(EvaluationError, match='only 2 training trials'):
                 split.divide_again(train, labels, seed)
             continue
@@ -228,7 +228,7 @@ def test_no_trial_is_trained_on_and_tested(classes, each, folds, seed):
 @settings(max_examples=25, deadline=None)
 @given(st.data(), st.integers(2, 5), st.integers(0, 99))
 def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
-    # Each class in each group at least once, so that any of them can be held out.
+    # Each class is in each group at least once, so that any group can be held out.
     base = [(label, group) for label in 'ab' for group in range(groups)] * 2
     pairs = base + data.draw(st.lists(st.sampled_from(base), min_size=4, max_size=30))
     pairs = [pairs[i] for i in np.random.default_rng(seed).permutation(len(pairs))]
@@ -236,7 +236,7 @@ def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
     split = grouped_split(make_table(labels, group=group), ['group'])
     assert len(split.repeats[0]) == groups
     assert all(len(set(group[test])) == 1 for _, test in split.repeats[0])
-    if groups == 2:  # one is left to train on
+    if groups == 2:  # only one group is left for training
         for train, _ in split.repeats[0]:
             with pytest.raises(EvaluationError, match='too few training groups remain'):
                 split.divide_again(train, labels, 0)

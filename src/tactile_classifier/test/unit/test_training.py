@@ -88,7 +88,7 @@ def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monk
 
 
 def draw_sessions(noises):
-    """Return trials of three labels; one session for each size of noise."""
+    """Return trials of three labels; each session has its own standard deviation of noise."""
     label = np.tile(np.repeat(np.arange(3), 20), len(noises))
     session = np.repeat(np.arange(len(noises)), 60)
     noise = np.random.default_rng(3).normal(size=(len(label), 3)) * np.array(noises)[session, None]
@@ -102,7 +102,7 @@ def test_votes_without_a_mistake_are_calibrated(classifier, sessions):
     trained = train(draw_sessions((0.2,) * sessions), classifier)
     part = trained.manifest.confidence
     assert (part.accuracy, part.calibration_error_before) == (1.0, 0.0)
-    assert part.calibration_error_after > 0.0  # a naive rule would keep certainty 1
+    assert part.calibration_error_after > 0.0  # probabilities are below 1
     assert trained.manifest.score_kind == 'probability'
     assert trained.calibration.compute(np.eye(3))[0, 0] < 0.999
 
@@ -120,7 +120,7 @@ def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
     rng = np.random.default_rng(4)
     session, speed, label = (each.ravel() for each in np.mgrid[:4, :4, :24])
     label %= 3
-    # The same value names another label at each speed.
+    # At each speed, the same feature value belongs to another label.
     values = np.column_stack([30.0 * speed + 9.0 * ((label + speed) % 3), np.zeros(len(label))])
     values = values + 0.7 * rng.normal(size=values.shape)
     columns = {'session_id': session.astype(str), 'speed': speed.astype(float)}
@@ -142,7 +142,7 @@ def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
 def test_groups_that_cannot_be_held_out_are_said_so(small_table):
     with pytest.raises(DatasetError, match='there is no column "typo"'):
         train(small_table, 'knn', hold_out=('session_id', 'typo'))
-    columns = {**small_table.columns, 'speed': small_table.labels}  # each label has its own
+    columns = {**small_table.columns, 'speed': small_table.labels}  # each label has its own speed
     table = dataclasses.replace(small_table, columns=columns)
     manifest = train(table, 'knn', hold_out=('speed',)).manifest
     assert manifest.calibration['groups'] == 0

@@ -95,7 +95,8 @@ class _FinishedPhase:
     """The windows of one finished phase, one for each specification.
 
     Each window is computed as soon as its samples have arrived, independently of the others. The
-    windows are returned in the order of the specifications.
+    windows are returned in the order of the specifications. If ``is_past`` is True, the phase
+    ended before this process subscribed to the samples, and refused windows are not returned.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class _FinishedPhase:
         return not self._waiting
 
     def take(self) -> list[FeatureWindow]:
-        """Return the next complete windows, except refused windows of a past phase."""
+        """Return the next complete windows, except refused ones if ``is_past``."""
         for window in self._waiting:
             if window not in self._taken and (found := window.take()) is not None:
                 self._taken[window] = found
@@ -211,7 +212,7 @@ class TrialFeatureExtractor:
         self._detected: list[TrialEvent] = []
 
     def _make_lanes(self, wanted: Sequence[FeatureSpec]) -> tuple[_Lane, ...]:
-        """Return a lane for each distinct specification, and for each phase that has none."""
+        """Return a `_Lane` for each distinct specification, and for each phase without one."""
         bound: dict[str, tuple[str, FeatureConfig]] = {}
 
         def add(phase: str, config: FeatureConfig) -> None:
@@ -230,8 +231,8 @@ class TrialFeatureExtractor:
 
     def _buffer_for(self, config: FeatureConfig) -> SampleBuffer:
         """Return the buffer shared by all specifications with the same gap policy."""
-        # Room for twice the nominal rate: a stream that is too fast must be reported. In a smaller
-        # buffer its windows would only be incomplete.
+        # The buffer has room for twice the nominal rate. If a stream is too fast, its windows are
+        # therefore complete, and the rate is the reason to refuse them.
         capacity = round(2 * config.buffer_s * config.rate_hz)
         key = capacity, config.max_gap_samples
         if key not in self._buffers:

@@ -26,8 +26,8 @@ _BAD_STATUS = {
 }
 
 CROP_MARGIN = 10.0
-"""The stamp error may be a fraction of the window length or, if that is shorter, of this number of
-times the crop at the start of the window."""
+"""The limit of the stamp error is a fraction of the window length. If the crop at the start of the
+phase times this number is shorter, it replaces the window length; see `PhaseWindow`."""
 
 _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
 
@@ -399,7 +399,7 @@ class EarlyWindow(PhaseWindow):
         return self._refuse_afterwards()
 
     def give(self, window: FeatureWindow) -> list[FeatureWindow]:
-        """Mark the window as returned; return it, unless it is a refused window of a past phase.
+        """Mark the window as returned; return it, unless it is refused and ``is_past``.
 
         If the phase has already ended inside the window, the refusal follows in the same list.
         """

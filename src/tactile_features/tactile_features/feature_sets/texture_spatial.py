@@ -266,7 +266,7 @@ def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
     cycles = np.arange(1, window.component_count + 1)[:, None] / window.length_m
     phase = 2.0 * np.pi * cycles * at_m
     weight = 2.0 * hann / hann.sum()
-    # Weighting leaves a mean, which would leak into component 1. It is subtracted here.
+    # After weighting, a constant tension would contribute to component 1. This is corrected here.
     level = np.ones(count) / count
     cosine, sine = weight * np.cos(phase), weight * np.sin(phase)
     cosine -= cosine.sum(axis=1, keepdims=True) * level
