@@ -64,7 +64,7 @@ class ClassifierStage(Stage):
                     RESULTS,
                 )
             )
-        # Not a lifecycle publisher: the models are also published while the node is inactive.
+        # A lifecycle publisher could not publish the models while the node is inactive.
         self._infos = node.create_publisher(ModelInfosMsg, '~/models', LATEST)
         now_ns = node.get_clock().now().nanoseconds
         self._infos.publish(model_infos_to_msg(ModelInfos(models.infos, models.refused, now_ns)))

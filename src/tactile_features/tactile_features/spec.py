@@ -99,7 +99,7 @@ class FeatureSpec:
         shortest text of its double. The digest is therefore the same on every platform, and the
         same for 60 and 60.0. Unused channels are ignored.
         """
-        parameters = {  # adding 0.0 removes the sign of zero
+        parameters = {  # adding 0.0 turns -0.0 into 0.0
             name: value if isinstance(value, str) else float(value) + 0.0
             for name, value in self.parameters.items()
         }

@@ -82,7 +82,7 @@ class FeaturesStage(Stage):
         self._detected = node.create_lifecycle_publisher(
             TrialEventMsg, '~/detected_events', EVENTS
         )
-        # Latched, because recorders and classifiers need the specifications when they start.
+        # The specifications are latched, because other nodes need them when they start.
         self._specifications = node.create_publisher(
             FeatureSpecificationsMsg, '~/specifications', LATEST
         )

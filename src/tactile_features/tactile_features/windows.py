@@ -37,11 +37,11 @@ _CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
 _SIMULATED = int(StrainStatus.SIMULATED)
 _RESYNCHRONISED = int(StrainStatus.RESYNCHRONISED)
 _BREAKS = _CLOCK_STEP | int(StrainStatus.RECONNECTED)
-"""A block with one of these bits does not continue the previous block."""
+"""Status bits: a block with one of these bits does not continue the previous block."""
 _EVENTS = _BREAKS | _RESYNCHRONISED
 
 SET_BACK_NS = 1_000_000_000
-"""If the stamps of a block are further back than this, the clock was set back [ns]."""
+"""If the stamps go back by more than this at a new block, the clock was set back [ns]."""
 
 PAUSE_NS = 500_000_000
 """If the stamps jump by more than this at a resynchronised block, in addition to the time that
@@ -257,7 +257,7 @@ def _unpack(block: StrainBlock) -> Samples:
 
 
 def _write(block: StrainBlock, columns: dict[str, NDArray[Any]], to: slice) -> None:
-    """Write the samples of a block, without holes and steps, to a part of the columns."""
+    """Write the samples of a block to a part of the columns; they have no holes or steps."""
     step = np.arange(len(block.tension_n))
     stamp_ns = block.stamp_ns + step * block.period_ns
     columns['stamp_ns'][to] = columns['latest_ns'][to] = stamp_ns

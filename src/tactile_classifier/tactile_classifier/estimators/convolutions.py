@@ -49,7 +49,7 @@ MANY_SIGNALS = 16
 window at a time."""
 
 _PAIRS, _pair_of = np.unique(KERNELS[:, :2], axis=0, return_inverse=True)
-_PAIR_OF = _pair_of.ravel()  # the shape depends on the version of NumPy
+_PAIR_OF = _pair_of.ravel()  # the shape of _pair_of differs between versions of NumPy
 
 Single = npt.NDArray[np.float32]
 Matrix = npt.NDArray[np.float64]

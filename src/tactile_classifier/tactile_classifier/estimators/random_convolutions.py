@@ -50,7 +50,8 @@ def fit_convolutions(
     dilations, counts = _choose_dilations(samples, features // len(KERNELS))
     quantiles = _golden(len(KERNELS) * int(counts.sum()))
     sources = _choose_channels(channels, len(dilations), random_state)
-    # A separate generator with the same seed, as in aeon.
+    # As in aeon, the signals that determine the biases are drawn by a new generator with the same
+    # seed.
     chosen = np.random.RandomState(random_state).randint(
         trials, size=(len(dilations), len(KERNELS))
     )
@@ -258,8 +259,8 @@ class LeaveOneOutRidge:
         # For equal values, the computed spread is a rounding error such as 5e-17 instead of 0.
         self.spread[(shares == shares[0]).all(axis=0)] = 1.0
         self.scaled /= self.spread
-        # The addition of 1 gives the constant vector an eigenvalue of its own, so that it is one of
-        # the eigenvectors. It belongs to the intercept, which `solve` does not penalise.
+        # The addition of 1 makes the constant vector an eigenvector with a separate eigenvalue. It
+        # belongs to the intercept, which `solve` does not penalise.
         self._values, self._vectors = np.linalg.eigh(self.scaled @ self.scaled.T + 1.0)
         self._intercept = np.abs(self._vectors.sum(axis=0)).argmax()
 
@@ -275,7 +276,8 @@ class LeaveOneOutRidge:
             targets = targets[:, 1:]
         offset = targets.mean(axis=0)
         projected = self._vectors.T @ (targets - offset)
-        least, best = np.inf, np.zeros_like(targets)  # remains if there is only one trial
+        # A single trial cannot be left out, so all weights remain zero.
+        least, best = np.inf, np.zeros_like(targets)
         for alpha in ALPHAS if len(labels) > 1 else ():
             weights = 1.0 / (self._values + alpha)
             weights[self._intercept] = 0.0  # the intercept has no penalty

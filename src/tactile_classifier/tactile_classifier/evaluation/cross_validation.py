@@ -55,7 +55,8 @@ class Score(Result):
         the accuracies of the held-out groups.
     interval : Interval
         Interval of the mean. If groups are held out, it is over groups. Otherwise, it is over
-        cells of repeated conditions if there are any, and over trials if there are none.
+        cells, which are trials under the same repeated condition, or over trials if no condition
+        is repeated.
     confusion : ndarray of int, shape (labels, labels)
         Numbers of predictions over all repetitions. Rows are true labels, columns predictions.
     """
@@ -320,7 +321,8 @@ def predict_folds(
     Returns the predictions for each fold, for each pair of classifier and scaling. The pairs share
     the scaled features. A decision tree does not depend on scaling, so it is fitted once.
     """
-    names, codes = np.unique(labels, return_inverse=True)  # faster in scikit-learn than text
+    # scikit-learn checks integer labels faster than text.
+    names, codes = np.unique(labels, return_inverse=True)
     answers: list[Answers] = [[] for _ in pairs]
     for train, test in folds:
         features = {'none': (values[train], values[test])}

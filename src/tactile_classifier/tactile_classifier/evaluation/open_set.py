@@ -169,7 +169,7 @@ def evaluate_open_set(
 
 
 class _Part(NamedTuple):
-    """Results of one fold; the arrays have one value for each tested trial."""
+    """Results of one fold; the arrays have one entry for each tested trial."""
 
     rejected: npt.NDArray[np.bool_]
     right: npt.NDArray[np.bool_]

@@ -227,7 +227,7 @@ def _test_pairs(
         u, ties = _count_pairs(values[:, inside], index[inside], classes)
         product, n = np.multiply.outer(sizes[h], sizes[h]), np.add.outer(sizes[h], sizes[h])
         surplus += weight * (u - product / 2)
-        # The same order of operations as in SciPy, for identical results.
+        # The order of operations is that of SciPy, so that results are identical.
         variance += weight**2 * (product / 12 * ((n + 1) - ties / np.maximum(n * (n - 1), 1)))
         larger += u
     p = _compute_p(surplus, variance, weights)
@@ -278,7 +278,7 @@ def _count_ties(below: FloatArray, new: NDArray[np.bool_]) -> tuple[FloatArray, 
     k, n = below.shape[0], below.shape[1] - 1
     begins, ends = np.ones((k, n), dtype=bool), np.ones((k, n), dtype=bool)
     begins[:, 1:] = ends[:, :-1] = new
-    # One row per group of equal values, for all features consecutively.
+    # Each group of equal values of a feature has a number; numbers continue over all features.
     group = np.cumsum(begins.ravel()) - 1
     low, high = below[:, :-1][begins], below[:, 1:][ends]
     counts = (0.5 * (low + high))[group].reshape(k, n, -1)

@@ -41,10 +41,10 @@ KNOWN_NOVELTY = 'held_out_novelty'
 class Confidence:
     """Calibration and novelty threshold of a model.
 
-    If the novelty of a window exceeds ``novelty_threshold``, the window is "unknown" [1]; negative
-    if there is no threshold. ``slope`` and ``offset`` are the parameters of `Calibration`;
-    negative if scores are raw. The expected calibration errors and the accuracy are measured on
-    held-out trials [1]; negative if not calibrated.
+    A window whose novelty exceeds ``novelty_threshold`` [1] is "unknown"; the threshold is
+    negative if the model has none. ``slope`` and ``offset`` are the parameters of `Calibration`;
+    they are negative if scores are raw. The expected calibration errors and the accuracy are
+    measured on held-out trials [1]; they are negative if the model is not calibrated.
     """
 
     novelty_threshold: float = -1.0

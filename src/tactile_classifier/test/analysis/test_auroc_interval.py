@@ -21,7 +21,7 @@ def draw_fold(generator, new, known, distance, label='new'):
 def test_area_is_that_of_pairs_and_variance_is_the_one_of_delong():
     generator = np.random.default_rng(1)
     is_new = np.arange(40) < 15
-    novelty = np.round(generator.normal(size=40) + 1.3 * is_new, 1)  # some are equal
+    novelty = np.round(generator.normal(size=40) + 1.3 * is_new, 1)
     (ranking,) = [rank_novelty('a', is_new, novelty)]
     pairs = novelty[is_new][:, None] - novelty[~is_new]
     wins = (pairs > 0) + 0.5 * (pairs == 0)

@@ -87,7 +87,7 @@ def test_held_out_group_is_never_trained_on():
     # only if trials of this group are among its training trials.
     group, odd = np.repeat(np.arange(4), 12), np.arange(48) % 6 == 0
     labels = np.where((group % 2 == 1) ^ odd, 'b', 'a')
-    place = 10.0 * group + np.random.default_rng(0).random(48)  # no copies
+    place = 10.0 * group + np.random.default_rng(0).random(48)
     table = make_table(labels, np.stack([place, odd, np.zeros(48)], axis=1), group=group)
     mixed = evaluate(table, ['tree'], ['none'], folds=2, repetitions=2)
     held_out = evaluate(table, ['tree'], ['none'], hold_out=['group'])

@@ -16,7 +16,7 @@ from tactile_classifier.confidence.held_out_novelty import (
 
 
 def by_session(novelty, names='abcdefghijklmnopqrstuvwxyz'):
-    """Return held-out novelties of shape (sessions, trials)."""
+    """Return `HeldOutNovelty` of an array of shape (sessions, trials)."""
     return HeldOutNovelty(tuple(np.asarray(novelty, dtype=float)), tuple(names[: len(novelty)]))
 
 
@@ -54,7 +54,7 @@ def test_thresholds_of_known_numbers():
     known = by_session(novelty)
     # The strict threshold is the 39th smallest of the 40 novelties of the worst session.
     assert known.compute_threshold(0.05, strict=True) == 138.0
-    # With a new trial, there are 241. At most 5 % may exceed the threshold: it and 11 others.
+    # At most 12 of 241 trials (5 %) may exceed the threshold: a new trial and 11 of the 240.
     assert known.compute_threshold(0.05) == 128.0
     assert known.reject_sessions(0.05) == (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     with pytest.raises(ValueError, match='needs 99 trials'):

@@ -189,7 +189,7 @@ def test_damaged_bytes_are_refused(model_path):
         assert found.manifest == whole.manifest
 
 
-@pytest.mark.parametrize('content', [b'', b'hello, world', b'\x80\x04\x95'])  # pickle
+@pytest.mark.parametrize('content', [b'', b'hello, world', b'\x80\x04\x95'])
 def test_what_is_no_model_is_refused_with_its_path(tmp_path, content):
     path = tmp_path / 'm.npz'
     with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):

@@ -26,7 +26,7 @@ def test_one_unit_and_offsets_of_features_do_not_count():
         two = fit_measure(unit * values, labels, fold).compute(unit * other)
         np.testing.assert_allclose(one, two, rtol=1e-6)
     two = fit_measure(values + offset, labels, fold).compute(other + offset)
-    np.testing.assert_allclose(one, two, rtol=1e-5)  # 1e9 leaves seven digits of a value
+    np.testing.assert_allclose(one, two, rtol=1e-5)  # the offset of 1e9 costs precision
 
 
 def test_feature_without_spread_does_not_count():

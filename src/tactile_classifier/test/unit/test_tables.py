@@ -132,7 +132,7 @@ def test_cells_are_label_and_conditions_without_numbering_columns():
         {'session_id': np.full(12, 's')},
         {'speed': np.arange(12.0)},
         {'speed': np.tile(np.arange(6.0), 2)},
-        {'maker': np.repeat([1, 2], 6)},  # the label determines it
+        {'maker': np.repeat([1, 2], 6)},  # the maker follows from the label
     ],
 )
 def test_without_repeated_conditions_there_are_no_cells(columns):
@@ -155,7 +155,7 @@ def test_without_repeated_conditions_there_are_no_cells(columns):
             ['coincide for 1 of 3 labels (c)', 'contains all trials of 1 of 3 labels (a)'],
         ),
         ('session_id', 'ssssssssssss', []),
-        ('mounting_id', 'aabbccddeeff', []),  # each label has two
+        ('mounting_id', 'aabbccddeeff', []),  # each label has two mountings
         ('session_id', 'abababababab', []),
     ],
 )

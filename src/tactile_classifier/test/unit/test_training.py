@@ -102,7 +102,7 @@ def test_votes_without_a_mistake_are_calibrated(classifier, sessions):
     trained = train(draw_sessions((0.2,) * sessions), classifier)
     part = trained.manifest.confidence
     assert (part.accuracy, part.calibration_error_before) == (1.0, 0.0)
-    assert part.calibration_error_after > 0.0  # probabilities are below 1
+    assert part.calibration_error_after > 0.0
     assert trained.manifest.score_kind == 'probability'
     assert trained.calibration.compute(np.eye(3))[0, 0] < 0.999
 

@@ -72,7 +72,7 @@ class _Lane:
             self.early[-1].end_phase(end)
 
     def take_early(self) -> list[FeatureWindow]:
-        """Return the complete early windows, and the refusals that follow them."""
+        """Return new early windows, and refusals if a phase ended inside its returned window."""
         windows: list[FeatureWindow] = []
         while self.early:
             windows += self.early[0].take_new()

@@ -38,12 +38,12 @@ BUILT_IN: tuple[type[FeatureSet], ...] = (
 PHASE_OF_TASK: Mapping[str, str] = MappingProxyType(
     {PROTOCOL_TEXTURE: PHASE_GLIDE, PROTOCOL_STIFFNESS: PHASE_HOLD}
 )
-"""The phase whose window is classified for a task."""
+"""For each task, the phase whose window is classified."""
 
 CHOOSER: Mapping[str, str] = MappingProxyType(
     {PHASE_GLIDE: 'texture_features', PHASE_HOLD: 'stiffness_features'}
 )
-"""The field of `FeatureConfig` that names the feature set of a phase."""
+"""For each phase, the field of `FeatureConfig` that contains the name of its feature set."""
 
 
 @lru_cache(maxsize=64)

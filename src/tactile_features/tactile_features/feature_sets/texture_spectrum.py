@@ -113,7 +113,7 @@ def compute_spectrum(
                 change -= change.mean(axis=1, keepdims=True)
                 # A steep line leaves rounding errors, which the second pass removes.
                 for _ in range(2 if detrend == 'linear' else 0):
-                    # Not a matrix product: the order of summation must depend only on n.
+                    # A matrix product would not have the same order of summation for all batches.
                     slope = np.add.reduce(change * index, axis=1, keepdims=True) / square
                     change -= slope * index
                     change -= change.mean(axis=1, keepdims=True)
