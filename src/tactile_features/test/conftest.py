@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Model files that hold only a manifest: as much as features need."""
+"""Fixture that writes model files with only a manifest, which is all that the features need."""
 
 from pathlib import Path
 import sys
@@ -10,13 +10,13 @@ import pytest
 
 from tactile_features.model_container import pack_container
 
-# What several test files share lies beside them and is no part of the package.
+# Helpers of several test files are in this folder, which is not part of the package.
 sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture
 def make_model_file():
-    """Return a writer of a file that asks for features."""
+    """Return a function that writes a model file, which requires the features of ``spec``."""
 
     def make(path, spec, contact='flexion', **changes):
         fields = {

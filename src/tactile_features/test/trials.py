@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials as an extractor sees them: events, blocks of samples, and the windows that come out."""
+"""Helpers of the tests: events and blocks of samples of trials, and their feature windows."""
 
 import numpy as np
 
@@ -17,13 +17,13 @@ def event(time_s, phase, trial_id='t1', *, protocol='texture', **fields):
 
 
 def make_block(tension_n, sequence, period_ns, *, shift_ns=0, **fields):
-    """Samples whose times follow from their sequence numbers, from 0 s on."""
+    """Return a block of samples. The time of sample 0 of its stream is ``shift_ns``."""
     stamp_ns = sequence * period_ns + shift_ns
     return StrainBlock(stamp_ns, sequence, period_ns, np.asarray(tension_n), **fields)
 
 
 def feed(extractor, *inputs):
-    """Return the windows that come of blocks and events, in the order given."""
+    """Add blocks and events in this order; return the feature windows."""
     windows = []
     for item in inputs:
         add = extractor.add_block if isinstance(item, StrainBlock) else extractor.add_event
@@ -32,13 +32,16 @@ def feed(extractor, *inputs):
 
 
 def extract(config, *inputs, wanted=()):
-    """Return all windows, also those that still wait at the end."""
+    """Return all feature windows, including those that still wait for samples at the end."""
     extractor = TrialFeatureExtractor(config, wanted)
     return [*feed(extractor, *inputs), *extractor.finish()]
 
 
 def hard_windows(samples):
-    """Noise, a steep line, an offset of 1e9 times the signal, steps, a tiny and a huge signal."""
+    """Return windows with which rounding errors are large.
+
+    They are a random walk, a steep line, an offset of 1e9 N, steps, and a tiny and a huge signal.
+    """
     noise = np.random.default_rng(4).standard_normal((6, samples)).cumsum(axis=1)
     noise[1] += 1e3 * np.arange(samples)
     noise[2] += 1e9

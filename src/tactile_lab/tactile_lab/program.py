@@ -164,7 +164,7 @@ def _guard(command: Callable[..., None], name: str) -> Callable[..., None]:
     def run(*arguments: Any, **options: Any) -> None:
         signals = held_signals()
         with _refusals():
-            # If signals are not held, the command was called by other code, such as a test.
+            # Without `hold_signals`, the command was called by other code, such as a test.
             if signals is None or name in UNTIL_A_SIGNAL:
                 command(*arguments, **options)
                 return

@@ -105,7 +105,7 @@ def run_nodes(
     simulated : bool
         True if only the sensors are simulated.
     """
-    from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
+    from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # imports rclpy
     from tactile_lab.watch.watching import watching
 
     signals, ended, output = hold_signals(), threading.Event(), Output(as_json=False)

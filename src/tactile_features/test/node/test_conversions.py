@@ -33,7 +33,7 @@ PHASES_BY_NAME = {
     'PHASE_CONTACT' if name == 'PHASE_TOUCH' else name: value
     for name, value in vars(types).items()
 }
-"""Our phases by the names of the message."""
+"""Constants of `tactile_features.types` by the names that they have in the message."""
 START_S = 1_760_000_000
 
 long_runs = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -49,7 +49,7 @@ words = st.sampled_from(['', 'flexion', 'abduction', 'dance', *PHASES]) | st.tex
 
 
 def strategy_of(kind):
-    """Return what a field of this type can hold at all."""
+    """Return a strategy for all values of a field of this type; None for any other type."""
     if kind.startswith('sequence<double>'):
         return st.lists(floats, max_size=4)
     return {
@@ -64,7 +64,7 @@ def strategy_of(kind):
 
 
 def mutations(message_type):
-    """Give changes of some fields of a message, as a dict; ``stamp`` is the header's."""
+    """Return a strategy for dictionaries of changed fields; ``stamp`` is in the header."""
     fields = {
         name: strategy
         for name, kind in message_type.get_fields_and_field_types().items()
@@ -86,7 +86,10 @@ def mutate(message, changes):
 
 
 def stream(changes_of_blocks, changes_of_events):
-    """Yield the messages of trials, some of them changed: a second of samples, then an event."""
+    """Yield the messages of two trials: for each second, its samples and then one event.
+
+    The changes of each message are applied; their keys are the seconds.
+    """
     generator = np.random.default_rng(1)
     for second in range(14):
         block = StrainBlock(
@@ -168,7 +171,7 @@ def test_a_message_is_refused_or_converted_and_can_be_sent_on(make, convert, con
 def test_a_specification_is_refused_or_that_of_its_digest(changes, values):
     specs = TrialFeatureExtractor(FeatureConfig()).specifications
     message = specifications_to_msg(FeatureSpecifications(specs))
-    changes.pop('stamp', None)  # it has no header
+    changes.pop('stamp', None)  # specifications have no header
     mutate(message.specifications[0], changes)
     message.specifications[1].parameter_values[: len(values)] = values
     try:

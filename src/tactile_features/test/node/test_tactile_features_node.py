@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node over DDS: published features equal the results of the core."""
+"""The node over DDS: published features equal those of the code without ROS."""
 
 from functools import partial
 import gc
@@ -76,7 +76,7 @@ TRIAL = [event(1.0, 'approach'), event(2.0, 'glide'), event(7.0, 'hold'), event(
 
 
 class Bench:
-    """The node, and a peer that plays sensor, trial runner and listener."""
+    """The tested node, and a node that replaces sensor, trial runner and subscribers."""
 
     def __init__(self, context, **parameters):
         self.peer = Node('peer', context=context, namespace='finger')
@@ -93,7 +93,7 @@ class Bench:
         self.windows = self.hear(TactileFeatures, '~/features', feature_window_from_msg)
 
     def hear(self, kind, topic, convert=lambda msg: msg, qos=RESULTS):
-        """Return the list that the messages of a topic of the node come to."""
+        """Subscribe to a topic of the node; return a list to which its messages are appended."""
         heard = []
         topic = self.node.resolve_topic_name(topic)
         self.subscriptions.append(
@@ -109,7 +109,7 @@ class Bench:
         self.wait_for_match()
 
     def wait_for_match(self):
-        """Wait until both sides of each topic know the other."""
+        """Wait until publishers and subscribers of each topic have discovered each other."""
         topics = [subscription.topic_name for subscription in self.subscriptions]
         self.spin_until(
             lambda: (
@@ -155,7 +155,7 @@ def make_bench(context):
 
 @pytest.mark.usefixtures('capfd')
 def test_samples_that_do_not_come_are_told_in_time(make_bench):
-    """Nothing at all arrives any more, no event either."""
+    """After the release, neither samples nor events arrive."""
     bench = make_bench(samples_timeout_s=0.5)
     bench.bring_up()
     bench.send_blocks(0, 400)
@@ -166,7 +166,7 @@ def test_samples_that_do_not_come_are_told_in_time(make_bench):
     (window,) = bench.windows
     assert window.outcome == WindowOutcome.GAP
     assert 'no samples arrived within 0.5 s after the end of the hold' in window.reason
-    # The sensor comes back: nothing more of this trial, and the next one is whole.
+    # When the sensor sends again, this trial gets no further window; the next trial is complete.
     bench.send_blocks(700, 300)
     for msg in (event(12.0, 'hold', 't2'), event(16.0, 'done', 't2')):
         bench.events.publish(msg)
@@ -175,7 +175,7 @@ def test_samples_that_do_not_come_are_told_in_time(make_bench):
 
 
 def compute_expected(**parameters):
-    """The core's answer to the trial, over the same messages in another order."""
+    """Return the windows of `TRIAL` that are computed without ROS, with all samples first."""
     extractor = TrialFeatureExtractor(FeatureConfig(**parameters))
     windows = extractor.add_block(strain_block_from_msg(block(0, 1000)))
     for msg in TRIAL:
@@ -228,9 +228,9 @@ def test_listens_when_configured_speaks_when_active_and_leaves_at_cleanup(make_b
     assert bench.node.trigger_activate() == TransitionCallbackReturn.SUCCESS
     bench.send_blocks(500, 200)
     bench.spin_until(lambda: bench.windows)
-    # The glide was over before the node became active.
+    # The glide had ended before the node became active, so its window is not published.
     assert bench.windows == compute_expected()[1:]
-    # It stops in the second trial, and reports the missing input.
+    # The node is deactivated during the second trial, and reports the missing samples.
     assert bench.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
     bench.spin_until(lambda: len(bench.windows) == 2)
     assert (bench.windows[1].trial_id, bench.windows[1].outcome) == ('t2', WindowOutcome.GAP)
@@ -247,11 +247,11 @@ def test_samples_are_let_go_at_cleanup_and_not_when_python_collects(make_bench, 
     bench.node.trigger_cleanup()
     bench.bring_up()
     assert bench.node.extractor.block_count == 0
-    wait_until(lambda: before() is None)  # a thread may still be on its way out of a callback
+    wait_until(lambda: before() is None)  # a thread may still be in a callback
 
 
 def test_trials_that_ended_before_it_was_configured_are_not_refused(make_bench):
-    """Their events are latched. Their windows may have been answered before a restart."""
+    """Their latched events arrive, but their windows may have been published before a restart."""
     bench = make_bench()
     for msg in TRIAL:
         bench.events.publish(msg)
@@ -310,7 +310,7 @@ def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
     hold = spec_for('stiffness', FeatureConfig())
     assert announced.specs == (FULL, SHORT, hold)
     assert announced.stamp_ns > 0
-    # A replay only uses the announced specifications.
+    # A replay creates the same extractor from the announcement alone.
     config = FeatureConfig(**json.loads(json.dumps(announced.config)))
     assert config == FeatureConfig(texture_samples=240, samples_timeout_s=2.0)
     again = TrialFeatureExtractor(config, announced.specs)
@@ -369,7 +369,7 @@ def test_models_of_another_rate_than_the_sensor_are_told_once(
 
 
 def test_events_that_cannot_be_used_are_logged_with_what_to_write(make_bench, monkeypatch, capfd):
-    """As of a program that publishes with the default QoS, and forgets the stamp."""
+    """The events of a program that publishes with the default QoS, and omits the stamp."""
     monkeypatch.setattr('tactile_ros.polling.MISFITS_S', 0.05)
     bench = make_bench()
     bench.bring_up()
@@ -386,7 +386,7 @@ def test_events_that_cannot_be_used_are_logged_with_what_to_write(make_bench, mo
     bench.spin_until(lambda: is_said('/finger/trial_runner/events', 'transient_local'))
     bench.spin_until(lambda: is_said('hold', 't1', 'header.stamp', 'tactile event'))
     assert bench.node.extractor.event_count == 0
-    # A stamped event is taken afterwards.
+    # A stamped event is accepted afterwards.
     bench.events.publish(event(2.0, 'hold'))
     bench.spin_until(lambda: bench.node.extractor.event_count == 1)
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Windows do not depend on the order and grouping of samples and events."""
+"""Feature windows do not depend on the order and grouping in which samples and events arrive."""
 
 from collections import Counter
 import dataclasses
@@ -58,7 +58,10 @@ def configs(draw):
 
 
 def make_stream(random, count=160):
-    """Samples from 0 s to about 8 s with losses, jitter, bad status, a restart, a clock step."""
+    """Return samples from 0 s to about 8 s, with random faults.
+
+    The faults are losses, jitter, bad status, a restart and a step of the clock.
+    """
 
     def some(most):
         return [random.randrange(1, count) for _ in range(random.randint(0, most))]
@@ -96,7 +99,7 @@ def make_stream(random, count=160):
 
 
 def make_events(random):
-    """A few trials of a few phases each, in order of time, some without an end."""
+    """Return the events of a few trials, in order of time; some trials have no end."""
     resolution_ns = random.choice([1, PERIOD_NS])
     trial, stamp_ns = 0, 0
     events = []
@@ -109,7 +112,7 @@ def make_events(random):
 
 
 def group(samples, is_end_of_block):
-    """Return blocks of consecutive samples that end at the given positions."""
+    """Return the samples as blocks; ``is_end_of_block`` decides where a block ends."""
     blocks, i = [], 0
     while i < len(samples):
         first = samples[i]
@@ -143,7 +146,7 @@ def group(samples, is_end_of_block):
 
 
 def mix(random, blocks, events):
-    """Both in their order, interleaved at random."""
+    """Return blocks and events interleaved at random; each of the two stays in order."""
     queues = [list(reversed(blocks)), list(reversed(events))]
     mixed = []
     while any(queues):
@@ -160,7 +163,7 @@ HOLDS = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
 
 @st.composite
 def wanted_features(draw):
-    """Generate several specifications, some with a single different parameter; or none."""
+    """Generate a list of up to five feature specifications; some differ in one parameter only."""
     wanted = []
     for _ in range(draw(st.sampled_from([0, 0, 1, 2, 3, 5]))):
         texture_samples = draw(st.sampled_from([10, 45, 60]))
@@ -189,7 +192,7 @@ full_outcomes: Counter[WindowOutcome] = Counter()
 early_outcomes: Counter[WindowOutcome] = Counter()
 
 
-# Which outcomes the examples meet is asserted below, so the examples are always the same.
+# A test below asserts which outcomes occur in the examples, so they must not be random.
 @settings(max_examples=110, deadline=None, derandomize=True)
 @given(configs(), wanted_features(), st.integers(0, 2**32 - 1))
 def check_arrival(config, wanted, seed):
@@ -209,7 +212,7 @@ def check_arrival(config, wanted, seed):
         for digest in digests:
             assert_same(windows, {digest})
 
-    if not wanted:  # one specification a phase, whether wanted by name or not
+    if not wanted:  # the default specifications, which can also be requested explicitly
         full = {s.digest: PHASE_OF_TASK[s.task] for s in computed if not s.is_early}
         finished = [
             begun.trial_id

@@ -39,7 +39,10 @@ OVER_TIME = [
 
 
 class OfRepeats:
-    """Lengthens windows: the checks have windows of 2 to 5 samples, a stretch of surface 41."""
+    """Lengthens windows to 41 samples, as the features over distance need them.
+
+    The windows in the checks of scikit-learn have 2 to 5 samples.
+    """
 
     def split(self, rows):
         windows, speeds_m_s = super().split(rows)
@@ -130,7 +133,7 @@ def test_parameters_are_checked_in_fit(transformer, named):
 def test_undefined_features_name_the_window():
     windows = make_windows(3)
     fitted = StiffnessRelaxation(rate_hz=1000.0).fit(windows)
-    windows[1] = np.arange(260)  # its intercept is 0
+    windows[1] = np.arange(260)  # the relative slope is undefined, because the intercept is 0
     with pytest.raises(ValueError, match='trial 1'):
         fitted.transform(windows)
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One trial at 10 Hz: what the window of each phase is, or why there is none."""
+"""Feature windows of a trial at 10 Hz: their samples, or the reason why they have no features."""
 
 import dataclasses
 
@@ -51,19 +51,19 @@ def run(*inputs, config=CONFIG):
 
 
 def glide(*blocks, end_s=3.5, config=CONFIG, **fields):
-    """The only window of a glide from 2 s on: nominally samples 23 to 34."""
+    """Return the only window of a glide that begins at 2 s: without faults, samples 23 to 34."""
     (window,) = run(event(2.0, 'glide'), *blocks, event(end_s, 'release', **fields), config=config)
     return window
 
 
 def hold(*blocks, end_s=4.0, config=CONFIG):
-    """The only window of a hold from 2 s on: nominally samples 22 to 39."""
+    """Return the only window of a hold that begins at 2 s: without faults, samples 22 to 39."""
     (window,) = run(event(2.0, 'hold'), *blocks, event(end_s, 'release'), config=config)
     return window
 
 
 def around(lost, count=20):
-    """Blocks that lack these samples."""
+    """Return the blocks before and after these missing samples."""
     return block(0, lost[0]), block(lost[-1] + 1, count)
 
 
@@ -151,7 +151,7 @@ def test_an_aborted_phase_says_why_and_an_abort_after_it_leaves_its_window():
 
 
 def marked(status, at=34):
-    """A stream of which one sample has a status."""
+    """Return the blocks of a stream in which only sample ``at`` has this status."""
     return block(0, at), block(at, status=status), block(at + 1, 20)
 
 
@@ -169,7 +169,7 @@ def replaced(value, at=slice(None)):
         (hold, [block(24, 30)], GAP, 'at the start of the window'),
         (glide, [block(25, 30)], GAP, 'at the start of the window'),
         (glide, marked(StrainStatus.RECONNECTED, 30), GAP, 'restarted at'),
-        (glide, [block(0, 30), block(0, 20, shift_ns=3 * S)], GAP, 'restarted at'),  # a restart
+        (glide, [block(0, 30), block(0, 20, shift_ns=3 * S)], GAP, 'restarted at'),
         (glide, [block(0, 30), block(30, 20, lost_before=4)], GAP, 'restarted at'),
         (glide, marked(StrainStatus.SATURATED), WindowOutcome.BAD_SIGNAL, 'saturated'),
         (glide, marked(StrainStatus.STUCK), WindowOutcome.BAD_SIGNAL, 'stuck'),
@@ -236,7 +236,7 @@ def test_a_stream_that_ends_inside_the_phase():
 
 @pytest.mark.parametrize(('count', 'outcome'), [(223, OK), (224, GAP)])
 def test_the_buffer_holds_a_window_to_the_last_sample(count, outcome):
-    # Sample 22 is the first of the hold; the buffer reaches back 200 samples.
+    # The window begins with sample 22. The buffer keeps the last 20 s, which are 200 periods.
     blocks = (block(n) for n in range(count))
     (window,) = run(*blocks, event(2.0, 'hold'), event(4.0, 'done'))
     assert window.outcome == outcome
@@ -254,7 +254,7 @@ def test_a_recording_played_again_gives_the_same_windows_again():
     once = run(*begin, *rest)
     assert [w.outcome for w in once] == [OK, OK]
     assert run(*begin, *rest, *begin, *rest) == once + once
-    # Broken off in the middle, then played from its start.
+    # The playback is stopped in the middle, and starts again from the beginning.
     assert run(*begin, *begin, *rest) == once
 
 
@@ -406,7 +406,7 @@ def test_an_unknown_error_is_accepted_unless_told_otherwise(error_s):
     window = hold(samples, config=strict)
     assert window.outcome == BAD_TIME
     assert 'accept_unknown_stamp_error' in window.reason
-    # It does not hide a known one above the limit.
+    # An unknown error of one sample does not hide a known error above the limit.
     blocks = block(0, 28, stamp_error_s=0.5), block(28), block(29, 21, **GOOD)
     for config in (CONFIG, strict):
         window = hold(*blocks, config=config)
@@ -418,7 +418,7 @@ def test_an_unknown_error_is_accepted_unless_told_otherwise(error_s):
 
 
 def stepped(at, step_s, status=StrainStatus.CLOCK_STEP):
-    """Samples around a step of the clock before sample ``at``."""
+    """Return blocks in which the clock of the host steps before sample ``at``."""
     shift_ns = round(step_s * S)
     first = block(at, shift_ns=shift_ns, status=status)
     return block(0, at), first, block(at + 1, 100, shift_ns=shift_ns)
@@ -488,24 +488,24 @@ def test_whatever_tells_that_no_samples_come_the_window_is_the_same():
     assert 'no samples arrived within 5 s after the end of the hold' in expected.reason
     assert extractor.time_out() == []
     assert extractor.window_counts[GAP] == 1
-    # Samples that come later, of the same stream or of another, with or without a loss.
+    # First case: late samples arrive, without or with a loss, or of a restarted stream.
     start, samples, end = HOLD
     for sequence in (30, 95, 0):
         late = dataclasses.replace(block(sequence, 5), stamp_ns=round(LATE_S * S) + 1)
         assert run(*HOLD, late) == [expected]
         assert run(start, end, samples, late) == [expected]
         assert run(samples, late, start, end) == [expected]
-    # The end of the data.
+    # Second case: data of another kind arrive, but no samples.
     extractor = TrialFeatureExtractor(CONFIG)
     feed(extractor, *HOLD)
     assert extractor.pass_time(round((LATE_S + GRACE_S) * S)) == []
     assert extractor.pass_time(round((LATE_S + GRACE_S) * S) + 1) == [expected]
-    # An event long after.
+    # Third case: an event arrives much later.
     assert run(*HOLD, event(25.0, 'approach', 't2')) == [expected]
 
 
 def test_an_early_window_whose_samples_do_not_come_is_refused_whatever_tells_so():
-    start, some = event(2.0, 'glide'), block(0, 30)  # due with sample 34, at 3.4 s
+    start, some = event(2.0, 'glide'), block(0, 30)  # the window ends with sample 34, at 3.4 s
     late_ns = round((3.4 + CONFIG.samples_timeout_s) * S)
 
     def begin():
@@ -526,7 +526,7 @@ def test_an_early_window_whose_samples_do_not_come_is_refused_whatever_tells_so(
     assert begin().pass_time(late_ns + round(GRACE_S * S)) == []
     assert begin().pass_time(late_ns + round(GRACE_S * S) + 1) == [expected]
     assert begin().add_event(event(25.0, 'approach', 't2')) == [expected]
-    # A phase that goes on at the end of the data is not refused; one that has ended is.
+    # If the data end during the phase, the window is not refused; after the phase, it is.
     assert begin().finish() == []
     extractor = begin()
     extractor.add_event(event(3.2, 'release'))
@@ -547,7 +547,7 @@ def test_the_timeout_is_told_by_a_clock_that_nobody_stops():
     most_s = CONFIG.samples_timeout_s + GRACE_S
 
     def waited_s():
-        """Return the time that it takes, asked four times a second."""
+        """Return the time until the timeout, which is polled four times per second [s]."""
         nonlocal now_s
         began_s = now_s
         while not timeout.is_over() and now_s < began_s + 60.0:
@@ -555,16 +555,16 @@ def test_the_timeout_is_told_by_a_clock_that_nobody_stops():
         return now_s - began_s
 
     feed(extractor, *HOLD[:2])
-    assert waited_s() == 60.0  # nothing waits
+    assert waited_s() == 60.0  # no window waits for samples
     feed(extractor, HOLD[2])
     assert waited_s() == pytest.approx(most_s, abs=0.3)
     extractor.time_out()
     assert not timeout.is_over()
     feed(extractor, event(5.0, 'hold', 't2'), event(6.0, 'release', 't2'))
     assert not timeout.is_over()
-    now_s += 3600.0  # the process was stopped: that is no waiting
+    now_s += 3600.0  # the process was suspended, so this time hardly counts
     assert waited_s() == pytest.approx(most_s - LONGEST_STEP_S, abs=0.3)
-    feed(extractor, block(30, 1))  # an insufficient block restarts it
+    feed(extractor, block(30, 1))  # the window stays incomplete, but the timeout restarts
     assert waited_s() == pytest.approx(most_s, abs=0.3)
 
 

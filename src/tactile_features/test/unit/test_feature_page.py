@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every feature recomputed from docs/feature_sets.md alone, with NumPy and SciPy.
+"""Every feature is computed again from docs/feature_sets.md, with only NumPy and SciPy.
 
-The recomputation uses no helper of the package. Its sums run in extended precision, so that an
-offset of 1e9 times the signal costs the page's side no digit.
+The computation here uses no function of the package. Its sums have extended precision, so that
+they are accurate even if the signal has an offset of 1e9 times its size.
 """
 
 import dataclasses
@@ -42,7 +42,7 @@ PI = wide('3.14159265358979323846264338327950288')
 def remove(x, what):
     if what == 'none':
         return x
-    x = x - x[0]  # exact, whatever the offset
+    x = x - x[0]  # no rounding error, for any offset
     x = x - x.mean()
     if what == 'mean':
         return x
@@ -60,7 +60,7 @@ def texture_spectrum(x, n, detrend='linear', window='none'):
     if window == 'none':
         w = np.ones(len(x))
     k = np.arange(n // 2 + 1)
-    # k i modulo n, so that the angle keeps its digits.
+    # The product of the indices is reduced modulo n, because large angles are less accurate.
     angle = 2 * PI * (np.outer(k, np.arange(len(x))) % n).astype(wide) / n
     amplitude = 2 * np.abs(turn(-angle) @ (w * d)) / w.sum()
     amplitude[0] = 0
@@ -70,7 +70,10 @@ def texture_spectrum(x, n, detrend='linear', window='none'):
 
 
 def place(length_m, finest_m, step_m):
-    """The page's lines, in double precision: their rounding decides at borders."""
+    """Return positions of samples and grid points, and which samples are near each grid point.
+
+    The precision is double, because rounding decides whether a sample at a border is near.
+    """
     n = math.ceil(length_m / step_m - 1e-9) + 1
     p = step_m * np.arange(n)
     p -= (p[-1] - length_m) / 2
@@ -100,7 +103,7 @@ def texture_spatial(x, length_m, finest_m, step_m):
     groups = [y - y.mean()]
     groups += [y[lag:] - y[:-lag] for lag in lags]
     groups += [y[2 * lag :] - 2 * y[lag:-lag] + y[: -2 * lag] for lag in lags]
-    # SciPy's plotting positions with alphap = betap = 1: the least at 0, the largest at 1.
+    # With alphap = betap = 1, quantile 0 is the smallest value, and quantile 1 the largest.
     levels = np.arange(13) / 12
     quantiles = [mquantiles(group.astype(float), levels, 1, 1) for group in groups]
     return np.concatenate([amplitude / h.sum(), *quantiles])
@@ -126,7 +129,7 @@ def stiffness_relaxation(t, x):
 
 
 def recompute(name, x, rate_hz, config, speed_m_s=0.0):
-    """Features of a ready-cut window, by the page."""
+    """Return the features of a window, computed with the formulas of the page."""
     x = np.asarray(x, dtype=wide)
     t = np.rint(np.arange(len(x)) * (1e9 / rate_hz)).astype(wide) / 1_000_000_000
     over = config.spatial_length_m, config.spatial_finest_m, speed_m_s / rate_hz
@@ -144,7 +147,7 @@ def recompute(name, x, rate_hz, config, speed_m_s=0.0):
 
 
 def check(values, expected, scale_n):
-    """To 1e-9 of the value, or of the signal's own size where it vanishes."""
+    """Compare values. Tolerances are 1e-9 of each value, and of the signal's range ``scale_n``."""
     np.testing.assert_allclose(values, expected.astype(float), rtol=1e-9, atol=1e-9 * scale_n)
 
 
@@ -167,13 +170,13 @@ SETS = [pytest.param(each, id=each.name) for each in BUILT_IN]
 
 
 def compare(feature_set, windows, rate_hz, config, speed_m_s=0.0):
-    """Compare a batch with the page."""
+    """Compare the features of a batch of windows with those computed by `recompute`."""
     task = task_of(feature_set)
     fields = {'config': config, 'speeds_m_s': [speed_m_s] * len(windows)}
     values, spec = features_from_trials(task, windows, rate_hz, **fields)
     assert len(spec.names) == values.shape[1]
     for x, row in zip(windows, values, strict=True):
-        if feature_set.needs_speed:  # the middle of each row
+        if feature_set.needs_speed:  # only the middle of the window is used
             length_m, step_m = config.spatial_length_m, speed_m_s / rate_hz
             count = len(place(length_m, config.spatial_finest_m, step_m)[0])
             x = x[(len(x) - count) // 2 :][:count]
@@ -199,8 +202,8 @@ def test_hard_windows(feature_set, samples):
     if not feature_set.needs_speed:
         compare(feature_set, windows, 60.0, configure(feature_set))
         return
-    # The length over the surface follows: a whole and a broken number of steps, finest scales
-    # that are a step and several.
+    # The length on the surface is a whole or a fractional number of steps between samples. The
+    # finest scale is one step or several steps.
     for finest_m, speed_m_s in ((0.0005, 0.015), (0.0007, 0.0137), (0.00025, 0.015)):
         step_m = speed_m_s / 60.0
         for length_m in (step_m * (samples - 1), step_m * (samples - 1.37)):
@@ -220,7 +223,7 @@ def test_real_recordings(feature_set):
 @pytest.mark.parametrize('feature_set', SETS)
 @pytest.mark.parametrize('offset_ns', [0, 1, 5_000_000])
 def test_windows_begin_where_the_page_says(feature_set, offset_ns):
-    """By the defaults of the page; samples every 1/64 s, so that crops can end on one."""
+    """Default parameters. The period is 1/64 s, so that a crop can end exactly on a sample."""
     rate_hz, period_ns, start_ns = 64.0, 15_625_000, 10**18
     config = configure(feature_set, rate_hz=rate_hz)
     tension_n = np.random.default_rng(5).standard_normal(600).cumsum()
@@ -293,7 +296,7 @@ def test_spectra_of_windows(detrend, window, n):
     values = compute_spectrum(windows, detrend, window)
     for x, row in zip(windows.astype(wide), values, strict=True):
         expected = texture_spectrum(x, n, detrend, window)
-        # Without anything subtracted, the transform has to cancel the level.
+        # Without detrending, the rounding error is proportional to the level of the signal.
         scale_n = np.abs(x).max() if detrend == 'none' else np.ptp(x)
         assert np.abs(row - expected).max() <= 3e-15 * scale_n
     config = FeatureConfig(spectrum_detrend=detrend, spectrum_window=window)
@@ -305,7 +308,7 @@ def test_spectra_of_windows(detrend, window, n):
 @pytest.mark.parametrize(('offset', 'amplitude'), [(0.0, 1.0), (1e6, 1.0), (1e6, 1e-9)])
 def test_error_is_within_2e_15_of_the_largest_component(n, offset, amplitude):
     x = offset + amplitude * np.random.default_rng(n).normal(size=n)
-    far = np.where(np.arange(n) == 0, x + 1e6, x)  # the first sample, from the others
+    far = np.where(np.arange(n) == 0, x + 1e6, x)  # the first sample is far from the others
     for each in [x, far] if n == 180 else [x]:
         expected = texture_spectrum(each.astype(wide), n, 'mean')
         assert np.abs(compute_spectrum(each) - expected).max() <= 2e-15 * expected.max()
@@ -321,7 +324,7 @@ def test_a_constant_has_no_spectrum(value, n):
 def test_a_line_under_any_offset_has_no_spectrum_once_it_is_taken_off(offset, slope):
     x = offset + slope * np.arange(180)
     rounding = np.spacing(abs(offset) + 180 * slope)
-    # Where the line is exact, a second pass leaves less than one would.
+    # Without an offset, the line is exact, and the second pass of detrending leaves less of it.
     assert compute_spectrum(x, 'linear').max() <= (rounding if offset else rounding / 4)
     assert compute_spectrum(x, 'mean').max() >= 20 * slope - rounding
 

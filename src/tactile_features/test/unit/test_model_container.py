@@ -35,7 +35,7 @@ ARRAYS = {
 
 
 def zip_members(members, compression=zipfile.ZIP_STORED):
-    """Return a ZIP file of names with bytes or arrays."""
+    """Return a ZIP file of ``members``, which are pairs of a name and bytes or an array."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, 'w', compression) as archive:
         for name, content in members:
@@ -51,7 +51,7 @@ def to_npy(array):
 
 
 def seal(arrays, manifest=b'{}'):
-    """Return a file with a valid digest for any arrays."""
+    """Return a model file with any arrays, even invalid ones, and a valid digest."""
     contents = {**arrays, 'manifest': np.array(manifest)}
     digest = model_container._compute_digest(contents).encode()
     named = [(f'{name}.npy', array) for name, array in contents.items()]
@@ -92,7 +92,7 @@ def test_each_flipped_bit_and_each_cut_is_refused_or_changes_nothing():
             found = open_container(bytes(changed))
         except ModelFileError:
             continue
-        # A bit of a date or a version that no reader looks at.
+        # The bit is part of a date or version number in the ZIP file, which is not used.
         assert found.manifest == same.manifest
         np.testing.assert_array_equal(found.arrays['x'], same.arrays['x'])
     for size in range(len(data)):
@@ -118,7 +118,7 @@ def test_any_bytes_are_refused(data):
 
 
 class Evil:
-    """Pickled, it would write a file when it is loaded."""
+    """An object that creates a file when it is unpickled."""
 
     def __reduce__(self):
         return (open, ('/tmp/must-not-be-there', 'w'))

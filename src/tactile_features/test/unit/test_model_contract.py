@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The features that model files ask for, read without the model."""
+"""The features that model files require are read without loading the models."""
 
 import dataclasses
 
@@ -140,7 +140,7 @@ def test_ready_cut_windows_are_cut_by_the_parameters_of_the_node():
     config = FeatureConfig(texture_crop_start_s=0.9, max_gap_samples=1)
     (glide, _) = TrialFeatureExtractor(config, [wanted]).specifications
     assert glide == spec_for('texture', dataclasses.replace(config, texture_samples=120))
-    # Two that come out alike are one.
+    # Equal specifications are listed once.
     found = TrialFeatureExtractor(config, [glide, wanted]).specifications
     assert found[0] == glide
     assert len(found) == 2

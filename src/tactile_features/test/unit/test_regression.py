@@ -22,7 +22,7 @@ GRID_NS = EPOCH_NS + 16_666_667 * np.arange(N)
 
 
 def reference_regression(time_ns, tension):
-    """Exact least squares in rational numbers; the correlation to 60 digits."""
+    """Return the exact least-squares line in rational numbers; the correlation has 60 digits."""
     t = [Fraction(int(v) - int(time_ns[0]), 10**9) for v in time_ns]
     x = [Fraction(float(v)) for v in tension]
     n = len(t)
@@ -44,7 +44,7 @@ def assert_close_to_reference(time_ns, tension, tolerance=4e-15):
     before = tension.copy()
     got = [Fraction(v) for v in compute_regression(time_ns, tension).tolist()]
     assert np.array_equal(tension, before)
-    # What the data can say of a slope: spread of tension over spread of time.
+    # The tolerance of the slope is relative to the spread of the tension over that of the time.
     assert (got[0] - slope) ** 2 <= Fraction(tolerance) ** 2 * s_xx / s_tt
     assert abs(got[1] - intercept) <= tolerance * max(abs(float(v)) for v in tension)
     assert abs(got[2] - r) <= tolerance
@@ -114,15 +114,15 @@ def _gap(time_ns, tension):
     [
         lambda t, x: (t, x),
         lambda t, x: (t + np.random.default_rng(5).integers(-8_000_000, 8_000_000, N), x),
-        lambda t, x: (t, np.minimum(x, 11.0)),  # saturated
+        lambda t, x: (t, np.minimum(x, 11.0)),  # a saturated sensor
         _gap,
         lambda t, x: (t[:-1], x[:-1]),
-        lambda t, x: (t, np.round(x, 2)),  # few digits, many ties
+        lambda t, x: (t, np.round(x, 2)),  # rounded, so that many values are equal
         lambda t, x: (t[:2], x[:2]),
         lambda t, x: (t, x * 1e-9 + 1e6),
         lambda t, x: (t, 1e6 + 1e-6 * (t - EPOCH_NS) / 1e9),
         lambda t, x: (t, np.where(np.arange(N) == 0, -1e6, x)),
-        lambda t, x: (t, np.nextafter(1e6, np.where(x > 11.0, 2e6, 0.0))),  # one ulp
+        lambda t, x: (t, np.nextafter(1e6, np.where(x > 11.0, 2e6, 0.0))),  # 1e6 +/- one ulp
         lambda t, x: (t, np.where(np.arange(N) == N // 2, 1e6, x)),
         lambda t, x: (t, np.where(np.arange(N) == N - 1, 1e6, x)),
     ],

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Phases found in the tension: made-up pulls whose bends and jumps are known."""
+"""Phases are detected in the tension of synthetic pulls, whose bends and jumps are known."""
 
 import dataclasses
 from random import Random
@@ -29,7 +29,7 @@ STIFFNESS = FeatureConfig(phases='stiffness', detected_contact='flexion')
 TEXTURE = FeatureConfig(phases='texture')
 EARLY = FeatureConfig(phases='texture', texture_samples=60, early_windows=True)
 BENDS = {'contact': 1.0, 'hold': 1.5, 'glide': 2.0, 'release': 6.5, 'done': 6.9}
-"""When the made-up pull begins, is held, glides, is released and is over [s]."""
+"""Times at which the phases of the synthetic pull begin [s]."""
 
 
 def stamps(count, rate_hz=RATE_HZ):
@@ -37,7 +37,10 @@ def stamps(count, rate_hz=RATE_HZ):
 
 
 def pull(*, rate_hz=RATE_HZ, level_n=5.0, step_n=0.3, noise_n=0.004, rest_n=0.0, seed=0):
-    """A pull at the times of `BENDS`: rise, relaxing hold with a jump at the glide, fall."""
+    """Return the tension of a pull: rise, relaxing hold with a jump at the glide, fall.
+
+    The times are in `BENDS`.
+    """
     t = np.arange(round(8.0 * rate_hz)) / rate_hz
     held = level_n * (0.7 + 0.3 * np.exp(-(t - BENDS['hold']) / 3.0))
     held -= step_n * np.clip((t - BENDS['glide']) / 0.05, 0.0, 1.0)
@@ -78,7 +81,7 @@ FAST = pull(rate_hz=7000.0, step_n=0.0)
             for level_n, rest_n in ((1.0, -3.0), (1.0, 250.0), (5.0, 0.0), (14.0, 250.0))
         ),
         *((pull(step_n=step_n), TEXTURE, 0.04) for step_n in (0.2, -0.2, 0.6)),
-        (LEVEL, STIFFNESS, 0.04),  # it does not relax
+        (LEVEL, STIFFNESS, 0.04),  # the tension does not relax
         *(
             (
                 pull(rate_hz=rate_hz, step_n=0.0),
@@ -113,7 +116,7 @@ def test_events_state_what_the_parameters_know():
         assert each.glide_speed_m_s == 0.0
         assert (each.detected, each.simulated, each.contact) == (True, False, 'flexion')
         assert each.trial_id == f'detected-{events[0].stamp_ns}'
-    # Windows do not depend on them.
+    # Feature windows do not depend on the parameters of the detection.
     assert config.without_detection() == FeatureConfig()
     assert dataclasses.replace(config, max_gap_samples=2).without_detection() != FeatureConfig()
 
@@ -183,13 +186,13 @@ def test_a_stream_that_begins_within_a_hold_waits_for_the_next_pull():
 def test_a_sensor_at_its_end_still_shows_when():
     events = find(np.minimum(pull(level_n=14.0, step_n=0.0), 9.0), STIFFNESS)
     assert [e.phase for e in events] == IN_STIFFNESS
-    # The rise ends where the sensor does, and the fall begins there.
+    # The tension stops rising when the sensor saturates, and begins to fall when that ends.
     assert BENDS['contact'] < times_s(events)['hold'] < BENDS['hold'] + 0.04
     assert times_s(events)['release'] > BENDS['release'] - 0.04
 
 
 def blocks_of(tension_n, random, period_ns=16_666_667):
-    """The stream in blocks of any length."""
+    """Return the tension in blocks of random lengths."""
     made, first = [], 0
     while first < len(tension_n):
         count = min(random.choice([1, 1, 7, 60, 400]), len(tension_n) - first)
@@ -302,10 +305,12 @@ def test_phases_in_simulated_samples_say_so(size):
     assert [window.simulated for window in windows] == [False, True, False]
 
 
-# -- whoever joins late finds the same trials ----------------------------------------------
+# -- detection that starts late finds the same trials --------------------------------------
 
 SETTLED_NS = 1_300_000_000
-"""Rest after which a late one finds the same trials [ns]: 60 samples and up to 15 more."""
+"""Detection that starts late must find a trial if the rest before it is longer than this [ns].
+
+The detection needs at least 60 and at most 75 samples at rest."""
 
 
 def make_session(seed, step_n, first_sequence):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Features over distance at several speeds: invariance, and refused windows."""
+"""Features over distance: equal at several speeds, and refused for unsuitable windows."""
 
 import dataclasses
 
@@ -25,18 +25,18 @@ SPECTRUM = np.array(['spectrum' in name for name in WINDOW.names()])
 
 
 def grating(at_m):
-    """A groove every 6 mm and its octave, 0.3 N and 0.1 N."""
+    """Return the tension on grooves with a period of 6 mm: 0.3 N, and 0.1 N at half the period."""
     return 0.3 * np.sin(2 * np.pi * at_m / 0.006) + 0.1 * np.cos(4 * np.pi * at_m / 0.006)
 
 
 def bump(at_m):
-    """One lopsided ridge, 3 mm wide, 0.4 N."""
+    """Return the tension on a single asymmetric ridge, about 3 mm wide and 0.4 N high."""
     x = (at_m - 0.024) / 0.003
     return 0.4 * np.exp(-(x**2)) * (1.0 + 0.5 * np.tanh(x))
 
 
 def slide(surface, speed_m_s, from_m=0.0, window=WINDOW):
-    """Return the features of a part of a surface, with an ideal sensor."""
+    """Return the features of a surface from ``from_m`` on, as sensed without noise."""
     count = window.sample_count(speed_m_s, RATE_HZ)
     at_m = from_m + speed_m_s / RATE_HZ * np.arange(count)
     at_m -= (at_m[-1] - from_m - window.length_m) / 2
@@ -53,7 +53,7 @@ def test_one_surface_gives_the_same_features_at_any_speed(surface, tolerance_n, 
 def test_a_periodic_surface_does_not_tell_where_it_was_touched(shift_m):
     there, here = slide(grating, 0.01, from_m=shift_m), slide(grating, 0.01)
     np.testing.assert_allclose(there[SPECTRUM], here[SPECTRUM], atol=1e-3)
-    # Quantiles of a few grooves depend a little on where the ends of the window cut them.
+    # There are few grooves, so the quantiles depend a little on where the window begins and ends.
     np.testing.assert_allclose(there, here, atol=0.12)
 
 
@@ -108,7 +108,7 @@ def test_ready_cut_glides_give_their_middle_each_at_its_own_speed():
 def test_a_speed_that_does_not_fit_is_refused(speed_m_s, message):
     with pytest.raises(FeatureError, match=message):
         WINDOW.sample_count(speed_m_s, RATE_HZ)
-    assert WINDOW.sample_count(0.0625, RATE_HZ) == 49  # a sample each finest scale
+    assert WINDOW.sample_count(0.0625, RATE_HZ) == 49  # one sample per finest scale
 
 
 @pytest.mark.parametrize(('length_m', 'finest_m'), [(0.01, 0.004), (0.01, 0.0), (np.inf, 0.001)])
@@ -127,7 +127,8 @@ def test_what_is_no_number_is_refused(bad):
         compute_spatial(tension[1:], 0.01, RATE_HZ, WINDOW)
 
 
-# In the stream: a glide from 1 s on at 62.5 Hz, 9 mm left out, then 45 mm.
+# A glide in a stream of samples at 62.5 Hz begins at 1 s. By default, its first 9 mm are left out,
+# and the window has 45 mm.
 CONFIG = FeatureConfig(rate_hz=RATE_HZ, texture_features='texture_spatial')
 STRETCH = SpatialWindow(CONFIG.spatial_length_m, CONFIG.spatial_finest_m)
 TENSION_N = np.random.default_rng(1).normal(5.0, 1.0, 1200)
@@ -141,7 +142,7 @@ def run(speed_m_s, end_ns):
 
 
 EARLIEST_END_NS = 288 * PERIOD_NS + 100_000_000
-"""Of a glide of 15 mm/s: its window is the samples 100 to 288."""
+"""Earliest end of a glide at 15 mm/s that has a window [ns]; the window is samples 100 to 288."""
 
 
 def test_a_glide_gives_one_window_of_its_own_duration():

@@ -126,7 +126,7 @@ def test_a_specification_survives_json_and_gives_the_config_that_yields_it(task,
     again = FeatureSpec.from_dict(json.loads(json.dumps(spec.to_dict())))
     assert (again, again.digest) == (spec, spec.digest)
     assert make_spec(task, **spec.config_values()) == spec
-    if fields not in WAYS[-2:-1]:  # the defaults
+    if fields not in WAYS[-2:-1]:  # these are not the default parameters
         assert spec.digest != make_spec(task).digest
 
 
@@ -176,7 +176,7 @@ def test_the_digest_is_of_the_canonical_text():
 
 def test_equal_numbers_give_one_digest():
     spec = make_spec('stiffness', stiffness_settle_s=0.0, stiffness_crop_end_s=1.0)
-    # Put in by hand: equal configurations share one specification.
+    # The specification is changed directly, because equal configurations share a cached one.
     equal = {**spec.parameters, 'stiffness_settle_s': -0.0, 'stiffness_crop_end_s': 1}
     assert dataclasses.replace(spec, parameters=equal).digest == spec.digest
     assert type(make_spec('texture', rate_hz=61).rate_hz) is float

@@ -31,7 +31,7 @@ def test_samples_are_numbered_and_timed_one_by_one():
     assert columns(buffer, 'sequence', 'stamp_ns') == [[5, 6, 7], [50, 60, 70]]
     assert columns(buffer, 'tension_n', 'hole') == [[1, 2, 3], [True, False, False]]
     assert buffer.watermark_ns == 70
-    last = 2**64 - 2  # all 64 bits are used
+    last = 2**64 - 2  # the largest sequence number has 64 bits
     assert columns(make_buffer(block(last, [1, 2], stamp_ns=0)), 'sequence') == [[last, last + 1]]
 
 
@@ -66,7 +66,7 @@ def test_interpolation_is_linear_in_time_and_tension():
     [
         (1, {}),
         (5, {'status': StrainStatus.RECONNECTED}),
-        (5, {'lost_before': 3}),  # more than the numbers say
+        (5, {'lost_before': 3}),  # the sequence numbers skip only two samples
     ],
 )
 def test_what_must_not_be_filled_is_a_hole(max_gap_samples, fields):

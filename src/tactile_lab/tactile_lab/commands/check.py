@@ -126,7 +126,7 @@ def _list_checks(
     if sensor := configs.get('sensor'):
         make: checks.MakeSensor = make_sensor
         if sensor.sensor == 'topic':
-            from tactile_lab.force_topics import sensors_on_topics  # rclpy
+            from tactile_lab.force_topics import sensors_on_topics  # imports rclpy
 
             make = stack.enter_context(sensors_on_topics(namespace))
         yield checks.check_sensor(sensor, seconds, make)

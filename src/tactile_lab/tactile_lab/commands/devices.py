@@ -82,7 +82,7 @@ def devices(
     found = probe_ports(wanted, listen_s=listen, is_quiet=quiet)
     found += [probe_net_ft(host) for host in hosts]
     if topics:
-        from tactile_lab.force_topics import find_force_topics  # rclpy
+        from tactile_lab.force_topics import find_force_topics  # imports rclpy
 
         found += find_force_topics(listen)
     if found:

@@ -148,7 +148,7 @@ def evaluate(
     hold_out = [options.split(names) for names in group or ()]
     file = None
     if report is not None:
-        from tactile_analysis.report.build import build_page, report_path  # matplotlib
+        from tactile_analysis.report.build import build_page, report_path  # imports matplotlib
         from tactile_analysis.report.summary import describe_sources
 
         file = report_path(report)

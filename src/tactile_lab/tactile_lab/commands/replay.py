@@ -141,7 +141,7 @@ def play_and_watch(path: Path, models: Optional[Path], output: Output) -> None:
     from domain_coordinator import domain_id
 
     from tactile_bringup.launch_config.graph import PLAYER
-    from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
+    from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # imports rclpy
     from tactile_lab.running import say_address
     from tactile_lab.watch.access import WatchOptions
     from tactile_lab.watch.watching import watching
@@ -260,7 +260,7 @@ def _replay_finger(
     if through_nodes:
         from domain_coordinator import domain_id
 
-        from tactile_bringup.nodes.graph_runner import ros_context  # rclpy
+        from tactile_bringup.nodes.graph_runner import ros_context  # imports rclpy
         from tactile_lab.replay_nodes import replay_through_nodes
 
     features = recorded_features(bag, namespace)

@@ -36,7 +36,7 @@ def watch(
     the token, the page only shows the fingers and can **stop** the rig. Stop does not replace the
     emergency stop of your rig.
     """
-    from tactile_bringup.nodes.graph_runner import ros_context  # rclpy
+    from tactile_bringup.nodes.graph_runner import ros_context  # imports rclpy
     from tactile_lab.running import say_address
     from tactile_lab.watch.access import WatchOptions
     from tactile_lab.watch.watching import watching

@@ -163,7 +163,7 @@ class LoadCellFit:
 
 
 def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:
-    """Return mean and standard deviation of one second of samples; None if it is not at rest.
+    """Return mean and standard deviation of a second of samples; None if the weight swings.
 
     Outliers are ignored. The weight is at rest if the means of the first and the second half
     differ by at most four standard errors of their difference, or by at most
@@ -207,7 +207,7 @@ def fit_load_cell(readings: Sequence[WeightReading], gravity_m_s2: float) -> Loa
     count = len(readings)
     middle = float(force_n.mean())
     width = float(((force_n - middle) ** 2).sum())
-    sigma_n = math.sqrt(float((residuals**2).sum()) / (count - 2))  # in units of force
+    sigma_n = math.sqrt(float((residuals**2).sum()) / (count - 2))  # of a reading, in newtons
     return LoadCellFit(
         scale=scale,
         offset_n=offset_n,

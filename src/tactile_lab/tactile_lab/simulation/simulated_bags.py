@@ -13,8 +13,8 @@ caller can do it, for example to use a cluster:
     with joblib.parallel_config(backend='dask'):
         write_simulated_bag(folder, plan, TrialConfig(), FeatureConfig(), jobs=-1)
 
-These packages must be installed on the workers. Only the calling process writes the bag. The bytes
-of a bag do not depend on the number and place of the workers.
+The packages of this repository must be installed on the workers. Only the calling process writes
+the bag. The bytes of a bag do not depend on the number and place of the workers.
 """
 
 from __future__ import annotations

@@ -208,8 +208,8 @@ class WatchNode(Node):  # type: ignore[misc]
     def must_confirm(self, path: str) -> bool:
         """Return True if Stop is only confirmed once this service has responded.
 
-        This holds for each driver that was ever seen, because if it has crashed, its device may
-        still move. It does not hold for sessions, because an ended session starts no trial.
+        Each driver that was ever seen must respond: if a driver has crashed, its device may still
+        move. A session of trials need not respond, because it starts no trial after its end.
         """
         return path in self._heard and not path.endswith(f'/{SESSION_STOP}')
 

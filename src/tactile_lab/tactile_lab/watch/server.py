@@ -59,8 +59,8 @@ PROTOCOL = 'tactile'
 
 MOST_WAITING = 64
 WAITING_S = 10.0
-"""Limits for connections without an open WebSocket. If there are more, the oldest one is closed.
-Each of them is closed after `WAITING_S` [s]."""
+"""Connections without an open WebSocket: at most `MOST_WAITING` are kept, each for at most
+`WAITING_S` [s]. A new connection beyond this number closes the oldest one."""
 
 SEND_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 10.0

@@ -3,10 +3,10 @@
 
 """Every command of README.md and docs/ runs as it is written, in order, in a folder per page.
 
-The commands of `tactile` run in the process of the test, which saves the start of a process per
-command. Random convolutions are few, except where a page shows an answer that needs all of them.
-How-to pages run on small recordings of `page_files`; what they print depends on their recordings.
-Pages with commands that run until Ctrl-C are in test/node.
+The commands of `tactile` run in the process of the test, which is faster than one process per
+command. Few random convolutions are fitted, unless the predictions on a page need all of them.
+The commands of how-to pages read small recordings of `page_files`, on which their output depends.
+Pages with commands that run until Ctrl-C are tested in test/node.
 """
 
 import glob
@@ -44,13 +44,13 @@ OF_THE_WORKSPACE = {'build', 'clean', 'docs', 'run', 'shell', 'test'}
 COMMANDS = {page: read_page(page)[0] for page in PAGES}
 
 EVALUATED_ELSEWHERE = 'tactile evaluate bags/* --report report.html'
-"""Command that is not run: evaluation.md has it again with a comment, and this one is run."""
+"""Command that is not run, because evaluation.md repeats it with a comment, which is run."""
 
 HOW_TO = {'experiments.md', *(page for page, _ in FILES)}
 
 
 NEEDS_ALL_CONVOLUTIONS = 'tactile train lab.npz --task texture --crop 1.5:5'
-"""The page shows the answers of this model to new trials."""
+"""Command that fits all random convolutions, because the page shows predictions of its model."""
 
 
 def is_run_here(page):
@@ -221,7 +221,7 @@ def check_options(words):
 
 
 def test_launch_arguments_exist():
-    # Its tables are compared with the code by another test.
+    # Another test compares the tables of this page with the code.
     page = (ROOT / 'docs' / 'parameters.md').read_text('utf-8')
     page = page.split('## Arguments of the launch files')[1]
     known = {}

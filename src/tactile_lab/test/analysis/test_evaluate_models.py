@@ -156,7 +156,8 @@ def test_trials_of_a_label_that_one_model_does_not_know_are_excluded(
 def archives(tmp_path):
     """Return functions that save archives of three materials and train on them.
 
-    The archives have four sessions. The third value is a mask of the trials of the first two.
+    The archives have four sessions. Two further values are a mask of the trials of the first
+    session, and the arrays of all trials.
     """
     generator = np.random.default_rng(5)
     time_s = np.arange(100) / 100.0

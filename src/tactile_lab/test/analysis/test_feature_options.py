@@ -43,7 +43,7 @@ def test_train_chooses_features_and_classifier_and_prints_the_candidates(texture
     ]
     assert 'stratified' not in said
     assert f'this selection procedure {nested}' in ' '.join(table.split())
-    # The card contains only this accuracy.
+    # The model card contains only this accuracy.
     assert 'cross-validation' not in model.card
     assert 'classified correctly' not in model.card
     assert f'- accuracy: {nested} % (one session held out, chosen inside the folds' in model.card
@@ -124,7 +124,6 @@ def test_feature_set_of_an_archive_is_chosen_by_cross_validation(tmp_path):
 
 
 def test_nested_accuracy_on_noise_is_printed_with_the_chance_of_its_split(tmp_path):
-    # In two parts most trials have the same label, in the third few: chance depends on the split.
     rng = np.random.default_rng(4)
     label = np.repeat(['a', 'b'], [20, 10])
     archive = save_glides(
@@ -144,7 +143,7 @@ def test_nested_accuracy_on_noise_is_printed_with_the_chance_of_its_split(tmp_pa
     nested = f'accuracy of this selection procedure: {100 * mean:.1f} %'
     assert choice['ranking'][0]['accuracy'] >= mean
     assert (choice['groups'], choice['nested']['split']) == (3, 'one part held out')
-    # It is printed by the choice, and again below the first sentence.
+    # The nested accuracy is printed with the choice of features, and again below the headline.
     assert said.count(nested) == 2
     assert said.count('chance 66.7 %') >= 2
     chosen = choice['chosen']

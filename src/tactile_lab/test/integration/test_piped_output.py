@@ -63,7 +63,8 @@ ALL_WIDTHS = {
     'show-archive', 'show-row', 'show-objects', 'show-models', 'devices', 'check', 'check-problem',
     'no-such-path', 'refusal',
 }  # fmt: skip
-"""Fast commands that together print in all ways. The other commands run at 40 columns only."""
+"""Fast commands that together use every kind of output; they run with each width of the terminal.
+The other commands run at 40 columns only."""
 
 PROGRAM = """
 import json, os, sys

@@ -31,7 +31,7 @@ from tactile_ros.qos import RESULTS
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 120.0
-"""Much longer than necessary [s], because the computer may be busy with other tests."""
+"""Longest wait [s]; much longer than usual, because other tests may keep the computer busy."""
 
 
 def launched(name, **arguments):

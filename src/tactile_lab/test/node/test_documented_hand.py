@@ -20,11 +20,11 @@ if not PAGE.is_file():
 
 
 HAND = 'python my_hand.py'
-"""The program that moves the hand. After it, the reader ends the nodes with Ctrl-C."""
+"""Command of the program that moves the hand. When it has ended, Ctrl-C ends the nodes."""
 
 
 def test_commands_of_the_hand_tutorial_run_as_written(tmp_path, monkeypatch):
-    """More than ten seconds: the hand starts and moves twice."""
+    """Takes more than 10 s, because the hand starts and moves twice."""
     terminal = Terminal(tmp_path)
     monkeypatch.chdir(terminal.folder)
     commands, files = read_page(PAGE)
