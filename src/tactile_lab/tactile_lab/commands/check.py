@@ -95,7 +95,7 @@ def _read_parameters(given: options.RigOptions, namespace: str) -> dict[str, dic
     if given.sensor_topic:
         stated = {_NODES['sensor']: wanted['sensor']}
         wanted['sensor'] |= sensor_parameters(stated, topic=given.sensor_topic) or {}
-    # A device is tested if its port or topic is known. A Net F/T has a default address.
+    # A device is tested if it has a port or topic. A Net F/T has a default address.
     named = {
         name: of_node
         for name, of_node in wanted.items()

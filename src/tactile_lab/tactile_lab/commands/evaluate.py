@@ -182,7 +182,7 @@ def evaluate(
                 folds=folds,
                 repetitions=repetitions,
                 random_state=seed,
-                details=as_json or file is not None,  # they are not printed on the terminal
+                details=as_json or file is not None,  # the terminal shows no details
             )
     for result in results:
         _print(result, output)

@@ -125,7 +125,7 @@ def _list_bags(path: Path) -> list[Path]:
 
     if not is_experiment(path):
         return [path]
-    with TrialSet.load(path) as recording:  # has only bags with trials
+    with TrialSet.load(path) as recording:  # omits bags without trials
         return [bag.path for bag in recording.bags]
 
 

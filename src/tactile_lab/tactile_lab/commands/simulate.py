@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 CROSSED = 'crossed'
 AS_PUBLISHED = 'as-published'
 SESSIONS = 6
-"""Number of sessions of the design `CROSSED`. The threshold for unknown objects needs several."""
+"""Number of sessions of the design `CROSSED`. The threshold for unknown objects needs several
+sessions."""
 
 ALL_TRIALS = 60
 """Number of trials on each plate in the paper (section III.A)."""

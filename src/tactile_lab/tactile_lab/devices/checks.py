@@ -278,7 +278,7 @@ def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
         client.connect()
         state = client.state
         facts['firmware'] = client.identification
-        facts['settings'] = 'valid'  # otherwise the connection would have failed
+        facts['settings'] = 'valid'  # `connect` refuses invalid settings
         facts['state'] = state.state if state else 'unknown'
         is_locked = state is not None and state.state == 'Alarm'
         facts['homed since power-up'] = 'no' if is_locked else 'unknown; it is homed before trials'

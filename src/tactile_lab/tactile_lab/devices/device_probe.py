@@ -218,7 +218,8 @@ def probe_ports(
 
 def probe_port(found: FoundDevice, listen_s: float, is_quiet: bool) -> FoundDevice:
     """Probe one port; see `probe_ports`."""
-    # The simulated rig itself has its ports (ptys) open. On these, a driver is found by its lock.
+    # The simulated rig itself has its ports (ptys) open, so they would always be in use. A driver
+    # on such a port is found later, by its lock.
     holders = (
         [] if os.path.realpath(found.port).startswith('/dev/pts/') else find_holders(found.port)
     )
@@ -318,7 +319,7 @@ def _ping_servos(port: str) -> tuple[str, str, dict[str, Any]] | None:
             if not handler.setBaudRate(baud):
                 continue
             handler.ser.exclusive = True
-            handler.ser.timeout = READ_WAIT_S  # the SDK polls for bytes in a loop
+            handler.ser.timeout = READ_WAIT_S  # the SDK reads in a loop
             servos, _ = packets.broadcastPing(handler)
             if servos:
                 return _format_servos(servos, baud)

@@ -67,7 +67,7 @@ class WatchControls:
         answers = await asyncio.gather(
             *(self._stop_one(clients[path], path) for path in order), return_exceptions=True
         )
-        # Dictionaries instead of lists, because trial runners have two services and occur twice.
+        # Dictionaries omit duplicates: a trial runner has two services, so its name occurs twice.
         confirmed: dict[str, None] = {}
         silent: dict[str, None] = {}
         for path, answer in zip(order, answers, strict=True):

@@ -88,7 +88,7 @@ class WatchState:
             return self._fingers.get(name)
 
     def update(self, name: str, take: Callable[..., object], *values: Any) -> None:
-        """Call the method ``take`` of a finger with ``values``."""
+        """Call ``take``, a method of `Finger`, for the finger ``name`` with ``values``."""
         with self._lock:
             if finger := self.finger(name):
                 take(finger, *values)

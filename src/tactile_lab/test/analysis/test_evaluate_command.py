@@ -189,7 +189,7 @@ def save_levels(path, **columns):
     ],
 )
 def test_impossible_splits_are_reported_beside_possible_ones(tmp_path, options, splits, told):
-    day = np.where(np.arange(12) % 2, 'monday', 'tuesday')  # day and label coincide
+    day = np.where(np.arange(12) % 2, 'monday', 'tuesday')  # a day per label
     asked = save_levels(tmp_path / 'x.npz', day=day, part=np.arange(12) // 4)
     document, said = ask_and_hear_tactile('evaluate', *asked, *options)
     (found,) = document['sets']

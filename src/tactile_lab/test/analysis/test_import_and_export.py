@@ -144,7 +144,7 @@ def test_used_and_unused_channels_are_printed(tmp_path):
     used = 'channel: fx_N; not used: fy_N, fz_N'
     assert used in hear_tactile('evaluate', tmp_path / 'a.npz', *options)
     stated = ('--features', 'texture_spectrum')
-    for name, more in (('table.csv', columns), ('a.npz', stated)):  # a table needs no archive
+    for name, more in (('table.csv', columns), ('a.npz', stated)):  # `train` also reads the table
         train = (tmp_path / name, '-o', tmp_path / 'm', *options, '--force')
         assert used in hear_tactile('train', *train, *more)
         assert used in hear_tactile('show', tmp_path / 'm' / 'texture.npz')

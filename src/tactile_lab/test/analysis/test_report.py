@@ -186,7 +186,8 @@ def test_each_figure_has_a_text_alternative_with_its_numbers(page, textures):
 def test_texts_of_figures_are_legible_on_a_phone(page):
     widths = [float(each) for each in re.findall(r'viewBox="0 0 ([0-9.]+) ', page)]
     assert len(widths) == 8
-    # Fonts have 8.5 points. At a width of 390 px without margins, the scale must be at least 0.7.
+    # A phone has a width of 390 px with margins. Figures have fonts of 8.5 points, which must not
+    # be scaled by less than 0.7.
     assert max(widths) * 96 / 72 <= 350 / 0.7
 
 

@@ -79,7 +79,7 @@ def test_port_in_use_is_not_probed(rig):
 
 
 def test_silent_ports_and_unknown_data_are_described(faulty, monkeypatch):
-    monkeypatch.setattr(device_probe, 'SERVO_BAUDS', (57_600,))  # a ping at each lasts 0.8 s
+    monkeypatch.setattr(device_probe, 'SERVO_BAUDS', (57_600,))  # each ping takes 0.8 s
     ports = faulty.ports
     guide, tendon = probe(ports.guide, ports.tendon, is_quiet=True)
     assert guide.what == tendon.what == 'silent'

@@ -26,7 +26,7 @@ DEADLINE_S = 60.0
 MANY_EVENTS = QoSProfile(
     depth=STREAM.depth, reliability=EVENTS.reliability, durability=EVENTS.durability
 )
-"""Like `EVENTS`, with a larger depth: on a busy computer, many messages are taken at a time."""
+"""Like `EVENTS`, with a larger depth, because many messages may queue on a busy computer."""
 
 
 def player(bag, **parameters):
