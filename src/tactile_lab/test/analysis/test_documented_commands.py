@@ -44,7 +44,7 @@ OF_THE_WORKSPACE = {'build', 'clean', 'docs', 'run', 'shell', 'test'}
 COMMANDS = {page: read_page(page)[0] for page in PAGES}
 
 EVALUATED_ELSEWHERE = 'tactile evaluate bags/* --report report.html'
-"""Command that is not run, because evaluation.md repeats it with a comment, which is run."""
+"""Command that is not run: evaluation.md repeats it with a comment, and the repetition is run."""
 
 HOW_TO = {'experiments.md', *(page for page, _ in FILES)}
 
