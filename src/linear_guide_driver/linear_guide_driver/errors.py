@@ -5,7 +5,7 @@
 
 
 def capitalise(sentence: str) -> str:
-    """Return a sentence with a capital first letter; `str.capitalize` would lower the others."""
+    """Return a sentence with a capital first letter; `str.capitalize` changes the others."""
     return sentence[:1].upper() + sentence[1:]
 
 

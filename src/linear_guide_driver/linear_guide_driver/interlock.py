@@ -1,7 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Interlock of guide and tendon: if the tendon is taut, a moving guide drags the finger.
+"""Interlock that keeps the guide at rest while the tendon is taut.
+
+If the guide moved with a taut tendon, it would drag the finger along.
 
 The tendon actuator decides whether its tendon is slack (`judge_slack`) and publishes a report.
 The guide keeps the last report in a `TendonInterlock`, which refuses motion unless the tendon is
@@ -26,8 +28,8 @@ It is larger than `SLACK_M`, because the servo's position deviates a little."""
 REPORT_AGE_S = 10 * REST_REPORT_S
 """If no report of the tendon arrives for this time [s], the guide may not move.
 
-The servo cannot tighten during a silence of its driver: when the driver's polls end, the bus
-watchdog stops the servo."""
+During this time, the servo cannot tighten unnoticed: if its driver stops polling, the bus watchdog
+stops the servo."""
 
 BY_HAND = 'or check that the finger is free and send the goal with allow_taut: true'
 """Remedy if neither the servo nor the sensor can show that the tendon is slack."""
@@ -45,7 +47,7 @@ class TendonReport(NamedTuple):
     """Report on the slackness of the tendon; mirrors ``tactile_msgs/TendonSlack``."""
 
     slack: Slack
-    displacement_m: float = math.nan  # displacement from the zero [m]; NaN while that is unknown
+    displacement_m: float = math.nan  # displacement from the zero [m]; NaN if the zero is unknown
     reason: str | None = None  # why the slackness is unknown, or None
 
 
@@ -70,7 +72,7 @@ def judge_slack(
         once the tendon has been slackened by ``max_displacement_m``, or if the sensor reads no
         tension.
     was_slack : bool
-        True if the last report was slack.
+        True if the tendon was slack in the last report.
     has_sensor : bool
         True if a sensor must confirm a zero that was taken at the start.
     """

@@ -107,7 +107,7 @@ class LinearGuideNode(MotionNode):
         )
 
     def _await_topics(self, goal: Goal) -> None:
-        """Wait for needed topics and for a slack tendon; abort the goal if one is missing."""
+        """Wait until needed topics are heard and the tendon is slack; abort the goal otherwise."""
         self.refuse_rivals()
         self._allows_taut = goal.request.allow_taut
         began_s = time.monotonic()

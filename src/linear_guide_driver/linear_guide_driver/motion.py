@@ -3,7 +3,8 @@
 
 """Execution of the motions of a guide or tendon, one at a time; no IO.
 
-A client defines a `Motion` by functions for its device, and `Motions.run` executes it:
+A client defines a `Motion` by functions for its device, and `Motions.run` executes it. The table
+shows the states of a motion, and the functions that are called:
 
 ===========  ====================================================================================
 refused      another motion is running, or ``begin`` raises: nothing has moved
@@ -18,8 +19,8 @@ abandoned    by an exception of the caller's functions: the device is no longer 
 ===========  ====================================================================================
 
 In every case ``finish`` is called last. The caller receives the result, or a `MotionRefusedError`,
-`MotionStoppedError` or `MotionFailedError`. Such errors from the functions of the motion are
-passed on.
+`MotionStoppedError` or `MotionFailedError`. If a function of the motion raises one of these
+errors, the caller receives it unchanged.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ class Motions:
 
     def __init__(self, busy: str, not_begun: str) -> None:
         self._busy, self._not_begun = busy, not_begun
-        self._slot = threading.Lock()  # held by the running motion
+        self._slot = threading.Lock()  # locked while a motion runs
         self._lock = threading.Lock()
         self._running: Motion[Any, Any] | None = None  # set while the motion can be stopped
         self._should_stop: Callable[[], bool] = lambda: False

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Base class of both nodes: goals, watches, joint states, heartbeat and Stop."""
+"""Base class of the nodes of guide and tendon: goals, joint states, heartbeat and Stop."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ STATES = QoSProfile(
 EMERGENCY = QoSProfile(
     depth=100, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
 )
-"""QoS compatible with every publisher, and deep enough that no short press is lost."""
+"""QoS of the emergency stop. It is compatible with every publisher, and deep enough that a short
+press is not lost."""
 
 State = TypeVar('State')
 Result = TypeVar('Result')
@@ -126,7 +127,7 @@ class RigStop:
     # -- inside --------------------------------------------------------------------------------
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._node.poll_now()  # this stop must have a higher number than earlier resets
+        self._node.poll_now()  # take over earlier resets, so that this stop has a higher number
         self._latch.stop(f'Stop was pressed on {self._name}')
         response.success, response.message = self._stop()
         return response
@@ -163,7 +164,7 @@ class RigStop:
 
 
 class _Activity:
-    """Watch that reports a loss while the node of the driver is not active."""
+    """Watch of the driver's own node: motion is not allowed while the node is not active."""
 
     was_heard = True
 
@@ -224,13 +225,14 @@ class MotionNode(PollingNode):
         """Handle a change of the rig's stopped state. May be called on any thread."""
 
     def find_loss(self) -> Refusal | None:
-        """Return a reason to end a running motion that the client does not detect, or None."""
+        """Return why a running motion must end, except for faults of the device; or None."""
         return None
 
     def set_up(self, config: Any) -> None:
         self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
         self._parts.callback(self.destroy_lifecycle_publisher, self._joint_states)
-        # Before the heartbeats, so that a peer that hears a heartbeat also receives the stop.
+        # Created before the heartbeat: a node that receives the heartbeat then also receives the
+        # stopped state.
         self._rig_stop = RigStop(self, self._latch, self.stop_device, self.on_stop_change)
         self._parts.callback(self._rig_stop.close)
         lease_s = config.heartbeat_timeout_s
@@ -268,7 +270,7 @@ class MotionNode(PollingNode):
             self._heartbeat.beat()
 
     def on_goal_end(self) -> None:
-        if self._readiness is not None:  # the next goal may follow immediately
+        if self._readiness is not None:  # the next goal must not wait for the next report
             self._readiness.update()
 
     def tear_down(self) -> None:
@@ -302,9 +304,9 @@ class MotionNode(PollingNode):
             raise GoalAborted(str(rivals))
 
     def wait_for_peers(self, goal: Goal, awaits: Callable[[], bool]) -> None:
-        """Wait until each needed topic has been heard once, for example after the start.
+        """Wait while ``awaits()`` is True, for example until each needed topic has been heard.
 
-        Wait while ``awaits()`` is True, until the goal ends or ``peer_wait_s`` has passed.
+        The wait ends at the latest when the goal ends or ``peer_wait_s`` has passed.
         """
         deadline_s = time.monotonic() + self.config.peer_wait_s
         while awaits() and time.monotonic() < deadline_s:

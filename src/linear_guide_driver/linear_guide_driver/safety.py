@@ -13,6 +13,8 @@ RELEASING  the tension is above its limit; or HOLDING after    slacken
            Stop or a loss has lasted ``slack_after_s``
 =========  ==================================================  ===========================
 
+A *loss* means that a needed node or topic is lost.
+
 Stop is not a fourth state but a separate latch, `linear_guide_driver.stop_latch.StopLatch`:
 
 ==========  =================================  ===============================================
@@ -27,10 +29,10 @@ reset       `StopLatch.reset` is called        none; only the three states apply
 Five rules hold in every state:
 
 1. If the tension is above its limit, the order is to slacken. This depends only on the present
-   tension: the tendon is not held instead, not even after a stop, a loss or a goal.
+   tension. Neither a stop nor a loss nor a goal can replace this order by another one.
 2. Slackening is always admitted and never tightens. Only tightening is checked.
-3. A taut tendon is not at rest: after a loss, it is held for ``slack_after_s`` and then
-   slackened, unless a new pull is admitted.
+3. A tendon does not stay taut after a loss. It is held for ``slack_after_s`` and then slackened,
+   unless a new pull is admitted.
 4. While the zero of the displacement is unknown, only homing may tighten.
 5. While the latch is set, or a needed node or topic is lost, slackening continues until the
    tendon is slack. It does not end if Stop is pressed again or a goal is cancelled.
@@ -119,7 +121,10 @@ class TopicWatchdog:
 
 
 def find_loss(watches: Sequence[Watch], now_ns: int) -> Refusal | None:
-    """Return the first loss among the watches at monotonic time ``now_ns`` [ns], or None."""
+    """Return the reason of the first watch that does not allow motion, or None.
+
+    ``now_ns`` is the monotonic time [ns].
+    """
     for watch in watches:
         if loss := watch.find_loss(now_ns):
             return loss
@@ -132,11 +137,11 @@ SLACK_M = 0.0005
 """Largest displacement of a slack tendon [m]: the servo's position deviates a little from 0."""
 
 SLACK_SHARE = 0.5
-"""If the zero is unknown, the tendon counts as slack below this fraction of the taut tension."""
+"""If the zero is unknown, a tension below this fraction of ``taut_tension_n`` counts as slack."""
 
 SETTLED_NS = 500_000_000
-"""Time [ns] for which the sensor must read a tension at the zero to refute this zero. Samples
-arrive later than positions, so a shorter time proves nothing."""
+"""If the sensor reads a tension for this time [ns] where the tendon should be slack, the zero is
+wrong. A shorter time would prove nothing, because samples arrive later than positions."""
 
 
 class State(Enum):
@@ -164,7 +169,7 @@ class Zero(Enum):
 
 
 class Ending(Enum):
-    """Reason for which safety has ended a pull."""
+    """Reason why `TendonSafety` has ended a pull."""
 
     REACHED = 'the stop tension was reached'
     OVER_LIMIT = 'the limit was exceeded'
@@ -182,7 +187,7 @@ class Pull(NamedTuple):
 
     @property
     def slackens(self) -> bool:
-        """True for a pull to slack, which never tightens the tendon."""
+        """True if the goal is a slack tendon. Such a pull never tightens the tendon."""
         return self.displacement_m <= 0.0 and not self.is_homing
 
 
@@ -190,8 +195,8 @@ class TendonSafety:
     """State machine of the tendon's safety; no IO and no clock, thread-safe.
 
     All times are monotonic [ns]. The servo's poll calls `decide` about sixty times a second (less
-    often for a slack tendon at rest), and also after each sample that may change the order. It
-    then carries the order out.
+    often for a slack tendon at rest), and also after each sample that may change the order. The
+    poll then executes the order that `decide` has returned.
 
     Parameters
     ----------
@@ -226,18 +231,18 @@ class TendonSafety:
     ) -> None:
         self._config = config
         self._latch = latch or StopLatch()
-        self._watches = (self._latch, *watches)  # Stop is reported before other losses
+        self._watches = (self._latch, *watches)  # Stop is reported first
         self._limits_n = config.limits_n
         self._slack_after_ns = round(config.slack_after_s * 1e9)
         self._lock = threading.RLock()
         # The lowest limit applies until the first pull selects a contact.
         self.limit_n = min(self._limits_n.values())
         self.tension = TensionSource(config)
-        self._homing_epoch: int | None = None  # tare epoch at the start of the present homing
+        self._homing_epoch: int | None = None  # ``tension.tare_epoch`` at the start of a homing
         self.state = State.FREE
         self._release_at_ns: int | None = None
         self.reason = ''
-        self._loss: str | None = None  # loss because of which the tendon is held
+        self._loss: str | None = None  # lost node or topic that made the tendon be held
         self._cause = Ending.STOPPED
         self._pull: Pull | None = None
         self._tightens = False
@@ -250,7 +255,7 @@ class TendonSafety:
 
     @property
     def alarm(self) -> str | None:
-        """Why the state was entered; None if it is FREE or a command has caused it."""
+        """Why the state was entered; None if the state is FREE or was requested by a command."""
         is_alarm = self.state is not State.FREE and self._cause is not Ending.STOPPED
         return self.reason if is_alarm else None
 
@@ -267,7 +272,7 @@ class TendonSafety:
 
     @property
     def strictest_contact(self) -> str:
-        """The contact with the lowest limit."""
+        """Name of the contact with the lowest tension limit."""
         return min(self._limits_n, key=self._limits_n.__getitem__)
 
     @property
@@ -289,7 +294,7 @@ class TendonSafety:
             return self.zero is Zero.UNKNOWN and self.tension.reads_slack(slack_n, now_ns)
 
     def is_at_rest(self, displacement_m: float, now_ns: int) -> bool:
-        """Return True if the tendon is slack at this displacement [m], with no pull or order."""
+        """Return True if the tendon is slack at this displacement [m], FREE, and not pulled."""
         with self._lock:
             is_free = self._pull is None and self.state is State.FREE
             return is_free and self.is_slack(displacement_m, now_ns)
@@ -317,7 +322,7 @@ class TendonSafety:
             self.tension.add_current(current_a if tightens else None, now_ns)
 
     def find_current_limit_a(self, pull: Pull) -> float:
-        """Return the largest motor current of a pull [A]."""
+        """Return the largest motor current that is allowed in a pull [A]."""
         config = self._config
         return config.current_limit_a if pull.slackens else config.currents_a[pull.contact]
 
@@ -337,7 +342,7 @@ class TendonSafety:
     # -- commands --------------------------------------------------------------------------
 
     def check_pull(self, pull: Pull) -> float:
-        """Return the tension limit of a pull's contact [N].
+        """Check contact and stop tension of a pull; return the tension limit of the contact [N].
 
         Raises
         ------
@@ -397,8 +402,8 @@ class TendonSafety:
                 if refusal:
                     raise MotionRefusedError(capitalise(str(refusal)))
                 self.limit_n = limit_n
-                # An unconfirmed zero is an obstacle unless no sensor is required. In that case
-                # nothing else can confirm it, so it counts as known.
+                # If a sensor is required, a pull with an unconfirmed zero was refused above.
+                # Without a sensor, nothing can confirm the zero, so it counts as known.
                 if self.zero is Zero.UNCONFIRMED:
                     self.zero = Zero.KNOWN
             self.limit_n = min(self.limit_n, limit_n)  # only a tightening pull raises the limit
@@ -412,7 +417,7 @@ class TendonSafety:
             self._pull, self._tightens = None, False
 
     def hold(self, now_ns: int) -> None:
-        """Order to hold.
+        """Request that the tendon is held.
 
         If the tension is above its limit, `decide` orders to slacken instead. A tendon that is
         being slackened is not held while the rig is stopped, or a needed node or topic is lost.
@@ -426,12 +431,15 @@ class TendonSafety:
             self._enter(State.HOLDING, 'The tendon was stopped.', Ending.STOPPED)
 
     def release(self, reason: str) -> None:
-        """Order to slacken until the tendon is slack or a pull is admitted."""
+        """Request that the tendon is slackened, until it is slack or a pull is admitted."""
         with self._lock:
             self._enter(State.RELEASING, reason, Ending.STOPPED)
 
     def lose(self, reason: str, now_ns: int) -> None:
-        """Hold, then slacken, because the servo has stopped by itself; a release continues."""
+        """Hold the tendon and slacken it later, because the servo has stopped by itself.
+
+        A tendon that is being slackened is not held.
+        """
         with self._lock:
             if self._pull is not None and not self._tightens:
                 self._enter(State.RELEASING, reason, Ending.LOST)
@@ -487,7 +495,7 @@ class TendonSafety:
         self.ending = ending
 
     def _hold_then_release(self, loss: str, now_ns: int) -> None:
-        # If there is a loss already, a second one changes neither the time nor the reason.
+        # A second loss changes neither the time of slackening nor the reason.
         if self._release_at_ns is None:
             self._release_at_ns, self._loss = now_ns + self._slack_after_ns, loss
         after_s = self._config.slack_after_s
@@ -513,16 +521,16 @@ class TendonSafety:
         return is_reached or self.tension.is_above(self.limit_n, now_ns)
 
     def _find_loss(self, is_slack: bool, now_ns: int) -> Refusal | None:
-        """Return the loss because of which the tendon must be held, or None."""
+        """Return why the tendon must be held: Stop, or a lost node or topic. None if neither."""
         pull = self._pull if self.ending is None else None
         if pull is not None and not pull.slackens and (stop := self._latch.find_loss(now_ns)):
             return stop
         if not self._tightens and (is_slack or pull is not None):
-            return None  # a slack tendon needs no peers, and slackening continues without them
+            return None  # a slack tendon and slackening need no other nodes
         return self._find_need_loss(now_ns)
 
     def _find_need_loss(self, now_ns: int) -> Refusal | None:
-        """Return which node or topic that a taut tendon needs is lost, or None."""
+        """Return why a taut tendon must not stay taut: which needed node or topic is lost."""
         if loss := find_loss(self._watches, now_ns):
             return loss
         if not self._needs_samples(self._pull or Pull(0.0)):
@@ -534,7 +542,7 @@ class TendonSafety:
         return self.tension.find_loss(now_ns, epoch)
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
-        """Confirm or refute a zero that was taken at rest, by what the sensor reads there."""
+        """Confirm or refute an unconfirmed zero by the reading of the sensor at this zero."""
         tension = self.tension
         is_at_zero = displacement_m <= SLACK_M
         tension.judge_tare(is_at_zero and self.zero is Zero.KNOWN, now_ns)
@@ -567,7 +575,7 @@ class TendonSafety:
         return None
 
     def _find_homing_obstacle(self, now_ns: int) -> Refusal | None:
-        """Return why homing is not possible because the tare is wrong, or None."""
+        """Return a refusal of homing if the reading shows that the tare is wrong, or None."""
         tension_n = self.tension.live_n(now_ns)
         if tension_n is None or tension_n > -self._config.taut_tension_n:
             return None

@@ -20,7 +20,7 @@ LINE_ERRORS = (OSError, termios.error, TypeError)
 lost tty raises termios.error, and closing during a read raises TypeError."""
 
 TICK_S = 0.02
-"""Longest time [s] between two ticks while something moves or is awaited."""
+"""Longest time [s] between two calls of ``on_tick`` during a motion or the wait for an answer."""
 
 
 class SerialLink:
@@ -94,7 +94,7 @@ class SerialLink:
             self._serial.close()
 
     def _read(self) -> None:
-        # Not pyserial's wait, because its timeout is fixed when the port is opened.
+        # Waits with `select.poll`, because pyserial's timeout is fixed when the port is opened.
         waiting = select.poll()
         wait_s = TICK_S
         try:
@@ -102,7 +102,7 @@ class SerialLink:
             while not self._closing.is_set():
                 data = b''
                 try:
-                    if waiting.poll(wait_s * 1000):  # also if the port is lost: `read` then raises
+                    if waiting.poll(wait_s * 1000):  # also for a lost port; `read` then raises
                         data = bytes(self._serial.read(self._serial.in_waiting or 1))
                 except LINE_ERRORS as error:
                     self._lose(f'the connection to {self._port} is lost: {error}')

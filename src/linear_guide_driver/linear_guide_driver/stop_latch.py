@@ -1,15 +1,15 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The latch of Stop: the stopped state of a rig. Each node keeps a copy.
+"""The stopped state of a rig, of which each node keeps a copy.
 
 Both drivers and the trial runner have a `StopLatch`. They exchange its `StopState` on one topic,
 and the highest state is valid. Every stop and every reset increments the number of the state.
 Therefore a stop wins against a simultaneous reset, the copies become equal regardless of the
 order in which states arrive, and a restarted node receives the present state from the others.
 
-An `EmergencyInput` is a topic on which false must be published periodically. The latch is set by
-the value true and by silence. Only `StopLatch.reset` ends the stopped state.
+An `EmergencyInput` is a topic on which false must be published periodically. The value true and
+silence stop the rig. Only `StopLatch.reset` ends the stopped state.
 
 No IO and no clock; thread-safe. Times are monotonic [ns].
 """
@@ -110,9 +110,9 @@ class StopLatch:
         Parameters
         ----------
         on_change : callable
-            Called after each change, to publish ``state`` and to stop the device, on the thread
-            that made the change and without a lock. `find_loss` never calls it, and may
-            therefore be called under any lock.
+            Publishes ``state`` and stops the device. Called after each change of ``state``, on
+            the thread that made the change, and without a lock. `find_loss` never calls it, so
+            `find_loss` may be called under any lock.
         count_publishers : callable
             Returns the number of nodes whose states can be received, this one included.
         """

@@ -32,10 +32,10 @@ from tactile_ros.strain import StrainBlock as StrainRecord
 from tactile_ros.strain import StrainStatus
 
 SLACK_PERIOD_S = 0.5
-"""Period [s] of the reports on ``~/slack`` without a change; the guide waits for 2 s."""
+"""Period [s] of unchanged reports on ``~/slack``; the guide does not move without them for 2 s."""
 
 LOOK_S = 0.2
-"""Period [s] of counting the publishers of the samples, which takes a microsecond."""
+"""Period [s] in which the publishers of the samples are counted; a count takes a microsecond."""
 
 WARM_C = 10.0
 FULL_CURRENT = 0.95
@@ -101,7 +101,7 @@ class TendonActuatorNode(MotionNode):
         self.offer(release=self._on_release)
 
     def stop(self) -> None:
-        """End all goals. An inactive driver counts as a loss: safety holds, then slackens."""
+        """End all goals. A taut tendon is held, then slackened, because the node is inactive."""
         self.end_goals()
         self.on_stop_change()
 
@@ -110,7 +110,7 @@ class TendonActuatorNode(MotionNode):
             self._client.supervise()
 
     def stop_device(self) -> tuple[bool, str]:
-        """Hold, then slacken. Safety ends goals that tighten; a goal that slackens continues."""
+        """Hold a taut tendon, then slacken it. Goals that tighten end; others continue."""
         safety = self._client.safety
         try:
             self._client.hold_here()

@@ -28,7 +28,7 @@ from tactile_ros.strain import NOT_LIVE, StrainBlock, StrainStatus
 __all__ = ['SampleLag', 'TensionSource', 'find_limit_warnings']
 
 _HALF_WINDOW_NS = 5_000_000_000
-"""Half of the window of the minimum lag [ns]; the minimum covers the last 5 to 10 s."""
+"""Half of the window [ns] in which `SampleLag` finds the smallest lag: the last 5 to 10 s."""
 
 STILL_NS = 500_000_000
 """Time [ns] for which a slack tendon must read less than ``taut_tension_n`` to confirm a tare.
@@ -38,12 +38,14 @@ RIVAL_NS = 3_000_000_000
 """If the sequence numbers decrease twice within this time [ns], there are two publishers."""
 
 MISMATCH_NS = 100_000_000
-"""Time [ns] for which motor current and sensor must disagree: a servo that starts to move needs
-more current for a short time, and samples arrive later than currents."""
+"""If motor current and sensor disagree for this time [ns], the tension is not reliable.
+
+Shorter differences are usual, because a servo that starts to move needs more current for a short
+time, and samples arrive later than currents."""
 
 CURRENT_RESERVE = 1.5
-"""The current limit of a contact should allow this multiple of its tension limit, so that a pull
-is ended by the sensor and not by a stalled servo."""
+"""The current limit of a contact should suffice for this multiple of its tension limit. The sensor
+then ends a pull before the servo stalls."""
 
 _SATURATED = int(StrainStatus.SATURATED)
 _RESTARTED = int(StrainStatus.RESTARTED)
@@ -99,9 +101,10 @@ class TensionSource:
         self.latest_n: float | None = None
         self.worst_n = 0.0
         self._heard_at_ns: int | None = None  # arrival of the last samples, valid or not
-        self._live_at_ns: int | None = None  # arrival of the last valid samples in time
+        self._live_at_ns: int | None = None  # arrival of the last samples valid and in time
         self._lag = SampleLag()
-        # Age of the last block at its arrival: the larger of the ages by lag and by clock [ns].
+        # Age of the last block at its arrival [ns]: the larger of its age by `SampleLag` and its
+        # age by the clock of the stamps.
         self._age_ns = 0
         # Age of that block by the clock of the stamps [ns]; negative for a stamp in the future.
         self._clock_age_ns = 0
@@ -168,7 +171,7 @@ class TensionSource:
             self._had_publishers = self._had_publishers or bool(publishers)
 
     def note_tare(self, stamp_ns: int) -> None:
-        """Record the latched tare of the sensor driver; ``stamp_ns`` [ns] identifies it.
+        """Record the tare that the sensor driver publishes; ``stamp_ns`` [ns] identifies it.
 
         A change makes the tare doubtful.
         """
@@ -216,7 +219,7 @@ class TensionSource:
     # -- queries ---------------------------------------------------------------------------
 
     def live_n(self, now_ns: int) -> float | None:
-        """Return the latest tension [N], or None if it is not live."""
+        """Return the latest tension [N], or None if it is too old."""
         return self.latest_n if self.is_live(now_ns) else None
 
     def is_live(self, now_ns: int) -> bool:
@@ -233,7 +236,7 @@ class TensionSource:
         return self.is_live(now_ns) and self.worst_n < limit_n
 
     def reads_slack(self, limit_n: float, now_ns: int) -> bool:
-        """Return True if the tendon is slack because live samples are below a limit [N].
+        """Return True if live samples below a limit [N] show that the tendon is slack.
 
         Return False after a change of the tare until the new tare is confirmed.
         """
@@ -295,7 +298,7 @@ class TensionSource:
         """Store the age of a block at its arrival; return True if the block can be live.
 
         A stamp may be wrong for a short time, for example after the clock was set and before the
-        sensor's driver has noticed. Such a block is not live, but it is not a loss either.
+        sensor's driver has noticed. Such a block is not live, but earlier blocks stay live.
         """
         if clock_ns is None:
             self._age_ns = self._clock_age_ns = 0
@@ -317,7 +320,7 @@ class TensionSource:
     # -- inside: origin and tare -----------------------------------------------------------
 
     def _follow(self, block: StrainBlock, status: int, now_ns: int) -> None:
-        """Detect a restarted sensor, a restarted driver or a second driver; doubt the tare."""
+        """Doubt the tare if a block shows a restarted sensor or driver, or a second driver."""
         expected, self._next_sequence = (
             self._next_sequence,
             block.sequence + len(block.tension_n),
@@ -425,7 +428,8 @@ class SampleLag:
             self._present_ns = self._before_ns = None
             self._since_ns = arrived_at_ns
         elif arrived_at_ns - self._since_ns >= _HALF_WINDOW_NS:
-            # Also after a long pause: samples that have waited in a full queue are old.
+            # The previous minimum is kept even after a long pause, so that samples that have
+            # waited in a full queue are recognised as old.
             self._before_ns = self._present_ns
             self._present_ns, self._since_ns = None, arrived_at_ns
         self._stamp_ns = stamp_ns

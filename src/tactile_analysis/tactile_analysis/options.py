@@ -7,7 +7,8 @@ Each field of an option class is an option of the commands, with its description
 annotation. This module imports nothing slow, because the commands import it for their help.
 """
 
-# Typer 0.9 reads neither ``X | None`` nor annotations that are strings.
+# Typer 0.9 cannot read ``X | None`` or annotations that are strings, so this module uses
+# ``Optional`` and does not import ``annotations`` from ``__future__``.
 from dataclasses import dataclass
 from pathlib import Path
 import re
@@ -17,12 +18,12 @@ from tactile_ros.errors import TactileError
 
 
 class SourceError(TactileError):
-    """A recording cannot be read as labelled trials; the message has the remedy."""
+    """Raised if a recording cannot be read as labelled trials; the message has the remedy."""
 
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """Statements about recordings of other software; each is empty or None if it is not stated."""
+    """Properties of recordings of other software; each is empty or None if it is not stated."""
 
     TITLE: ClassVar[str] = 'Recordings of other software'
 
@@ -93,7 +94,7 @@ class SourceOptions:
     ] = None
 
     def compile_label_pattern(self) -> Optional[re.Pattern[str]]:
-        """Return ``label_from`` as a pattern with a group; None if it is not a pattern."""
+        """Return ``label_from`` as a pattern with a group; None for '', 'folder' and 'file'."""
         if self.label_from in ('', 'folder', 'file'):
             return None
         try:

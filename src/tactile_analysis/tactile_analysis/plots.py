@@ -25,7 +25,7 @@ TRACE_COLOUR = '#2a6fb0'
 MARK_COLOUR = '#c0392b'
 
 UNKNOWN_UNITS = ('', 'raw')
-"""Units that mean that the unit of a recording is not known."""
+"""Values of a recording's unit if the unit is not known."""
 
 PHASE_COLOURS: dict[str | None, str] = {
     None: '#909090',
@@ -96,7 +96,7 @@ def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
     sessions = list(dict.fromkeys(trial.session_id for trial in trials))
     figure = Figure(figsize=(5.0 * len(contacts), 0.8 + 1.7 * len(objects)), layout='constrained')
     grid = figure.subplots(len(objects), len(contacts), squeeze=False, sharex=True, sharey=True)
-    for trial in sorted(trials, key=lambda trial: not trial.why_not):  # grey ones below others
+    for trial in sorted(trials, key=lambda trial: not trial.why_not):  # grey lines first
         axes = grid[objects.index(trial.label)][contacts.index(trial.contact)]
         colour = '#bbbbbb' if trial.why_not else f'C{sessions.index(trial.session_id) % 10}'
         signal = trial.signal
@@ -261,9 +261,10 @@ def plot_spectra(
 def draw_spectrum(
     axes: Axes, frequency_hz: NDArray[np.float64], amplitude: NDArray[np.float64]
 ) -> None:
-    """Draw one amplitude spectrum, in the unit of its amplitudes."""
-    # The scale is logarithmic, because creep of the finger causes much larger amplitudes at low
-    # frequencies than the grooves. Frequency zero is omitted: the mean has been subtracted.
+    """Draw one amplitude spectrum. The vertical axis has the unit of ``amplitude``."""
+    # The scale is logarithmic: creep of the finger causes large amplitudes at low frequencies, and
+    # the grooves of the plates cause much smaller ones. Frequency zero is omitted, because the
+    # mean has been subtracted from the signal.
     above = frequency_hz > 0
     axes.semilogy(frequency_hz[above], amplitude[above], color=TRACE_COLOUR, lw=1)
     axes.grid(alpha=0.3)

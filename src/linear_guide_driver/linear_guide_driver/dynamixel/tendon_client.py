@@ -5,15 +5,16 @@
 
 `TendonActuatorClient` has three layers, from the bottom up:
 
-- *Loop*: with the bus's lock held, the poll reads the servo, `TendonSafety` decides on an order,
-  and registers that differ from the desired state are written. A new sample and each command run
-  this loop once without waiting for the next poll.
-- *Desired state*: an order or a pull only selects the desired state. A new desired state ends an
-  earlier pull.
-- *Motions*: a pull or a homing is executed by `Motions`. It begins with a goal that safety
-  admits, and ends when the servo has reached it.
+- *Loop*: each poll locks the bus, reads the servo, asks `TendonSafety` for the order to the
+  servo, and writes the registers that differ from the desired state. A command runs this loop
+  once without waiting for the next poll, and so does a sample that may change the order.
+- *Desired state*: the goal and the limits that the servo should have. Orders and pulls only
+  select a desired state. A new desired state ends an earlier pull.
+- *Motions*: a pull or a homing is executed by `Motions`. It begins when `TendonSafety` admits
+  its goal, and ends when the servo has reached the goal.
 
-The servo's bus watchdog stops the servo if no packet arrives; the reads of the poll feed it.
+The servo's bus watchdog stops the servo if no packet arrives. The reads of the servo in each poll
+are such packets.
 """
 
 from __future__ import annotations
@@ -68,19 +69,21 @@ SLACK_S = 1.0
 POLL_WAIT_S = 1.0
 
 COMMAND_CYCLES = 5
-"""Number of read and write cycles after which a command has failed. Lost packets cost cycles."""
+"""Number of attempts to write a command to the servo. A lost packet costs one attempt."""
 
 SLACKEN_S = 2.0
 """Longest time [s] that `TendonActuatorClient.close` waits for the tendon to become slack."""
 
 HOMING_REACH_M = 0.005
-"""Homing searches over ``max_displacement_m``, but at least over this displacement [m]."""
+"""Homing searches for the zero over this distance [m], or ``max_displacement_m`` if larger."""
 
 HOMING_POLLS = 3
-"""Number of consecutive polls that must agree on taut or slack: one sample may be noise."""
+"""Number of consecutive polls in which homing must find the tendon taut (or slack) to accept it.
+
+A single sample may be noise."""
 
 HOMING_SLACK_SHARE = 0.5
-"""During homing, the tendon counts as slack up to this fraction of the taut tension."""
+"""During homing, a tension up to this fraction of ``taut_tension_n`` counts as slack."""
 
 NOT_BEGUN = 'The pull was stopped before it began.'
 RELEASED = 'The tendon was released.'
@@ -95,9 +98,9 @@ MotionProgress = Generator[TendonState | None, None, _Result]
 class TendonActuatorClient:
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
-    `TendonSafety` checks every command, and the poll carries out its orders. `connect` slackens
-    a tendon that was left taut. `close` slackens the tendon and switches the torque off. Commands
-    raise `MotionRefusedError` and the errors of the bus.
+    `TendonSafety` checks every command, and the poll thread executes the orders of
+    `TendonSafety`. `connect` slackens a tendon that was left taut. `close` slackens the tendon
+    and switches the torque off. Commands raise `MotionRefusedError` and the errors of the bus.
 
     Parameters
     ----------
@@ -108,20 +111,21 @@ class TendonActuatorClient:
     clock_ns : callable
         Returns the present time [ns].
     on_trouble : callable
-        Called on any thread with a sentence for each new fault or safety order.
+        Called on any thread with a sentence for each new fault, and for each order of
+        `TendonSafety` that no command has requested.
     watches : sequence of Watch
         Nodes and topics that are needed while the tendon is taut.
     on_cycle : callable
         Called in each cycle of the poll thread; see `ServoMonitor`.
     latch : StopLatch, optional
-        Stopped state of the rig. Call `supervise` after each change.
+        Stopped state of the rig. Call `supervise` after each change of this state.
 
     Attributes
     ----------
     safety : TendonSafety
-        State machine that must be given the samples of the tension.
+        State machine that checks every motion. Pass it the samples of the tension.
     recoveries : int
-        Number of times that the servo was stopped by its watchdog and unlocked again.
+        Number of times that the bus watchdog stopped the servo and the driver restarted it.
     """
 
     def __init__(
@@ -139,10 +143,10 @@ class TendonActuatorClient:
         self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
         self._motions = Motions('The tendon is busy with another pull; stop it first.', NOT_BEGUN)
-        self._order = Order.FOLLOW  # last order of safety
+        self._order = Order.FOLLOW  # last order of `TendonSafety`
         self._pull_state: DesiredState | None = None  # desired state of the last pull
         self._goal_m = 0.0  # goal of the last pull
-        self._is_written = False  # the whole desired state has been written
+        self._is_written = False  # True if the servo has the whole desired state
         self._reported_alarm: str | None = None
         self.safety = TendonSafety(config, watches, latch)
         self.recoveries = 0
@@ -169,7 +173,7 @@ class TendonActuatorClient:
 
     @property
     def trouble(self) -> Refusal | None:
-        """The outage or fault because of which the servo cannot tighten, or None."""
+        """Why the servo cannot tighten the tendon: an outage or a fault. None if it can."""
         return None if self._monitor is None else self._monitor.trouble
 
     # -- life ----------------------------------------------------------------------------
@@ -227,7 +231,7 @@ class TendonActuatorClient:
             _logger.error('the tendon was not slack after %s s; it may still be taut', SLACKEN_S)
 
     def _take_over(self, found: Found) -> None:
-        """Initialise orders and zero for a servo that has just been set up and holds."""
+        """Reset order and zero to match the state in which the servo was found at its setup."""
         if found is Found.SAME:
             return
         self._order = Order.FOLLOW
@@ -241,7 +245,7 @@ class TendonActuatorClient:
             self.safety.release(RESTARTED)
 
     def _restore(self) -> None:
-        """Re-establish a lost connection. The next poll unlocks goals and executes the order."""
+        """Re-establish a lost connection. The next poll executes the present order."""
         servo, _ = self._require_connection()
         servo.bus.open()
         self._take_over(servo.set_up())
@@ -334,7 +338,7 @@ class TendonActuatorClient:
         float
             Displacement of the new zero from the old one [m].
         """
-        # As for the stop tension of a pull, the tension must be below the limit.
+        # ``taut_tension_n`` must not exceed the limit, like the stop tension of a pull.
         contact = self.safety.strictest_contact
         self.safety.check_pull(Pull(0.0, contact, stop_tension_n=taut_tension_n))
         return self._run(partial(self._find_zero, taut_tension_n), on_state, should_stop)
@@ -352,7 +356,7 @@ class TendonActuatorClient:
     def _stop_pull(self) -> str:
         servo, _ = self._require_connection()
         with servo.bus.lock:
-            if not self._is_replaced:  # a later command, such as a release, is kept
+            if not self._is_replaced:  # do not override a later command
                 self.hold_here()
         return self._format_end(self.safety.reason)
 
@@ -365,7 +369,7 @@ class TendonActuatorClient:
             self.hold_here()
 
     def _release(self, speed_m_s: float) -> MotionProgress[TendonState]:
-        """Slacken to the zero.
+        """Slacken the tendon to the zero of its displacement.
 
         If the zero is unknown, slacken until the sensor reads a slack tendon, or at the latest
         until `TendonSafety.slack_m`.
@@ -415,7 +419,7 @@ class TendonActuatorClient:
             raise MotionRefusedError('The servo has not answered yet; try again.')
         reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
         start_m = start.displacement_m
-        if direction > 0:  # if the zero is unknown, the tendon may be slackened far below it
+        if direction > 0:  # an unknown zero may be far above the present position
             start_m = max(start_m, 0.0)
         end_m = start_m + direction * reach_m
         pull = Pull(end_m, self.safety.strictest_contact, is_homing=True)
@@ -444,7 +448,7 @@ class TendonActuatorClient:
                 return state
             if outage := monitor.outage:
                 raise MotionFailedError(f'The pull failed: {outage.reason}.')
-            # A pull to slack continues if safety orders to slacken for another reason.
+            # A pull that slackens also continues if `TendonSafety` orders to slacken.
             goes_on = pull.slackens and self.safety.state is State.RELEASING
             if self._is_replaced and not goes_on:
                 raise MotionStoppedError(self._format_end(self.safety.reason))
@@ -475,7 +479,7 @@ class TendonActuatorClient:
         ending = self.safety.ending
         if ending is None:
             return state
-        self.supervise()  # while the pull is still registered
+        self.supervise()  # before the exception ends the pull
         if ending is Ending.REACHED and self.safety.state is not State.RELEASING:
             return self.state
         error = MotionStoppedError if ending is Ending.STOPPED else MotionFailedError
@@ -500,7 +504,7 @@ class TendonActuatorClient:
 
     @property
     def _is_replaced(self) -> bool:
-        """True if the desired state is no longer the state of the last pull."""
+        """True if a later command has replaced the desired state of the last pull."""
         servo = self._servo
         return servo is None or servo.desired is not self._pull_state
 
@@ -508,8 +512,8 @@ class TendonActuatorClient:
         """Write the goal of a pull if safety admits it; return the distance to the goal [m]."""
         servo, monitor = self._require_connection()
         with servo.bus.lock:
-            # `hold_here` takes this lock, too. A stop thus comes either before the goal is
-            # written, and is detected here, or after it, and overrides the goal.
+            # A stop calls `hold_here`, which needs the same lock. An earlier stop is detected
+            # here, and a later stop overrides the goal.
             if self._motions.is_stopping:
                 raise MotionStoppedError(NOT_BEGUN)
             if pull.slackens:  # if the servo is silent now, it slackens when it answers again
@@ -521,8 +525,8 @@ class TendonActuatorClient:
             if pull.slackens:
                 goal_m = min(self.safety.slack_m, start_m)
             self._order, self._goal_m = Order.FOLLOW, goal_m
-            # The servo may move before the goal is written. A goal that does not tighten at this
-            # position must not tighten then.
+            # The servo may move before the goal is written. A goal that does not tighten at
+            # ``start_m`` must not tighten at the new position either.
             self._pull_state = DesiredState(
                 goal_m, servo.to_velocity(speed_m_s), self._find_current(pull), goal_m > start_m
             )
@@ -537,7 +541,7 @@ class TendonActuatorClient:
     def _shift_zero(self, shift_m: float) -> None:
         """Move the servo's zero to the displacement ``shift_m`` [m]."""
         servo, monitor = self._require_connection()
-        with servo.bus.lock:  # so that no poll sees the torque off
+        with servo.bus.lock:  # no poll may read the servo while its torque is off
             self._check_reachable(monitor)
             servo.write_zero(shift_m)
             self.safety.set_zero(Zero.KNOWN)
@@ -559,8 +563,8 @@ class TendonActuatorClient:
     ) -> None:
         """Start to slacken the tendon at the servo's highest speed; ends a running pull.
 
-        If the servo cannot be reached, this raises, and the order is executed when the servo
-        answers again.
+        Raises `LinearGuideDriverError` if the servo cannot be reached. The tendon is then
+        slackened when the servo answers again.
 
         Parameters
         ----------
@@ -578,7 +582,7 @@ class TendonActuatorClient:
         self._command(release, Order.RELEASE)
 
     def supervise(self) -> None:
-        """Execute the present order of safety; the next poll repeats what fails.
+        """Execute the present order of `TendonSafety`; the next poll repeats failed writes.
 
         Nothing is sent to a silent servo, because every packet would feed its bus watchdog, which
         must stop the servo.
@@ -591,7 +595,7 @@ class TendonActuatorClient:
             monitor.cycle()
 
     def _command(self, ask: Callable[[], None], order: Order) -> None:
-        """Request an order from safety and execute the order that safety decides on."""
+        """Request ``order`` from `TendonSafety`, and execute the order that it decides on."""
         servo, monitor = self._require_connection()
         with servo.bus.lock:
             ask()
@@ -607,9 +611,9 @@ class TendonActuatorClient:
             raise MotionRefusedError(f'The tendon actuator cannot move: {monitor.outage}')
 
     def _apply(self) -> None:
-        """Run the loop now, and repeat it after lost packets, until everything is written.
+        """Write the desired state now; repeat this after lost packets.
 
-        The next poll repairs a write that was acknowledged but not executed.
+        If a write was acknowledged but not executed, the next poll repeats it.
         """
         _, monitor = self._require_connection()
         monitor.poll_fast()
@@ -625,7 +629,7 @@ class TendonActuatorClient:
             )
 
     def _cycle(self, monitor: ServoMonitor) -> bool:
-        """Run the loop once; return True if everything is written."""
+        """Read the servo and write the desired state once; return True if all is written."""
         self._check_reachable(monitor)
         self._is_written = False
         monitor.cycle()
@@ -642,7 +646,7 @@ class TendonActuatorClient:
         monitor.poll_fast()
 
     def _follow_order(self, order: Order) -> None:
-        """Select another desired state if the order of safety has changed."""
+        """Select another desired state if the order of `TendonSafety` has changed."""
         if order is not self._order:
             was, self._order = self._order, order
             if order is not Order.FOLLOW:
@@ -661,7 +665,10 @@ class TendonActuatorClient:
         return self.safety.is_at_rest(state.displacement_m, time.monotonic_ns())
 
     def _on_poll(self, polled: registers.ServoState) -> TendonState:
-        """Execute the order of safety for a new state; called with the bus's lock held."""
+        """Execute the order of `TendonSafety` for a newly read state of the servo.
+
+        The caller has locked the bus.
+        """
         servo, _ = self._require_connection()
         state = servo.to_state(polled, self._clock_ns())
         self.safety.add_current(state.current_a, time.monotonic_ns())

@@ -24,7 +24,7 @@ BOOT_S = 2.5
 """Time [s] of the boot loader of a board that is reset when its port is opened."""
 
 RESTART_S = 3.0
-"""Longest time [s] from a soft reset to the banner; after an alarm, Grbl waits for 0.5 s."""
+"""Longest time [s] from a soft reset to the start-up message (banner) of the controller."""
 
 REPEAT_RESET_S = 0.6
 """Time [s] after which a reset is repeated: Grbl ignores resets for 0.5 s after ALARM:1 and 2."""
@@ -33,7 +33,7 @@ IDLE_REPORTS = 2
 """If a line is unanswered, this number of consecutive idle reports means a stalled controller."""
 
 STOP_S = 3.0
-"""Longest time [s] from a feed hold to rest."""
+"""Longest time [s] from a feed hold until the guide is at rest."""
 
 BRAKING_POLL_S = 0.05
 
@@ -44,7 +44,7 @@ SILENCE_S = 1.0
 """Time [s] without answers to status queries after which the controller counts as lost."""
 
 RESTING = ('Idle', 'Alarm', 'Sleep')
-"""States in which nothing moves."""
+"""States of the controller in which nothing moves."""
 
 
 class GrblConnection:
@@ -120,7 +120,7 @@ class GrblConnection:
         if not self._reports:
             self._wait(lambda: self._banners > 0, BOOT_S)
         if self._report is not None and self._report.state not in ('Idle', 'Alarm'):
-            self.hold_and_reset()  # still moving for another program
+            self.hold_and_reset()  # it executes the motion of another program
         else:
             self.reset()
         self._send(grbl.READ_BUILD_INFO)
@@ -230,7 +230,7 @@ class GrblConnection:
         return self._idle_reports >= IDLE_REPORTS
 
     def start_cycle(self) -> None:
-        """Start a stalled controller again. This would also end a feed hold."""
+        """Let a stalled controller continue. A feed hold would also end."""
         self._idle_reports = 0
         self._link.write(grbl.CYCLE_START)
 
@@ -261,8 +261,8 @@ class GrblConnection:
             state = self.wait_report(STOP_S)
             if state.state == 'Hold' and state.substate in (0, None):
                 break
-            # A feed hold in Idle leads to Hold:0 in Grbl and is ignored by grblHAL. The first
-            # report may be older than the hold.
+            # At rest, Grbl answers a feed hold by Hold:0, but grblHAL ignores it and stays Idle.
+            # Three Idle reports are needed, because the first may be older than the feed hold.
             idle_reports += state.state == 'Idle'
             if idle_reports > 2 or state.state == 'Alarm':
                 break
@@ -282,7 +282,7 @@ class GrblConnection:
                 )
             self._link.write(grbl.SOFT_RESET)
             resets += 1
-        if resets > 1:  # each reset may have caused a banner, which arrives before this report
+        if resets > 1:  # wait until the banners of all resets have arrived
             count = self._reports
             self._link.write(grbl.STATUS_QUERY)
             self._wait(lambda: self._reports > count or self.is_lost, REPEAT_RESET_S)
@@ -358,7 +358,7 @@ class GrblConnection:
             return tick_s
         self._polled_at_s = now_s
         self._link.write(grbl.STATUS_QUERY)
-        # A locked controller does not answer either, but then its fault is known already.
+        # A controller locked by an alarm does not answer, but this fault is known already.
         if now_s - self._heard_at_s > SILENCE_S and not self._fault:
             with self._changed:
                 self._fail(f'the controller has been silent for {SILENCE_S} s')

@@ -10,10 +10,12 @@ Grbl does not monitor its serial connection, and loses its position when it is r
 motion. Therefore:
 
 - A move is sent in short pieces.
-- The end of a move is the ``ok`` of a dwell, never a status report.
-- If a dwell stalls with moves in the queue, the cycle is started again.
-- A stop is a feed hold, followed by a reset once the guide is at rest.
-- After any other event of the controller, the position is unknown until the guide is homed again.
+- Each move is followed by a dwell (pause). The move has ended when the dwell is answered with
+  ``ok``; status reports do not show the end of a move.
+- If the controller stalls in this dwell, with moves left in its queue, a cycle start continues it.
+- To stop, a feed hold brakes the guide, and a reset follows once the guide is at rest.
+- After any other reset or fault of the controller, the position is unknown until the guide is
+  homed again.
 """
 
 from __future__ import annotations
@@ -44,10 +46,10 @@ MOVED_M = 0.0002
 """Smallest displacement [m] that counts as motion, above the resolution and jitter of the axis."""
 
 CRUISE_SHARE = 0.05
-"""Fraction of the path, at each end, in which the axis may accelerate or brake."""
+"""Fraction of the path, at each end, that is not assessed, because the speed changes there."""
 
 START_REPORTS = 2
-"""Number of reports in motion that determine its start, unless the motion ends before."""
+"""Number of reports during a motion from which its start is computed; one for a short motion."""
 
 LEAST_REPORTS = 3
 """Smallest number of reports at full speed from which a motion can be assessed."""
@@ -62,7 +64,7 @@ class MotionSummary(NamedTuple):
     """Speed and lag of a motion."""
 
     mean_speed_m_s: float  # slope of a line fitted to the reports at full speed [m/s]
-    # Longest delay behind a motion at the commanded speed, caused by pauses or a lower speed [s]
+    # Largest delay relative to a motion at the commanded speed [s]: the guide paused or was slow
     lag_s: float
 
 
@@ -114,13 +116,14 @@ class MotionTrack:
     def summarise(self, least_lag_s: float = 0.0) -> MotionSummary | None:
         """Return speed and lag, or None with fewer than `LEAST_REPORTS` reports at full speed.
 
-        ``least_lag_s`` is a lower bound of the lag from another source [s].
+        ``least_lag_s`` is a lower bound of the lag [s], known from the duration of the move.
         """
         cruise = self._cruise()
         if len(cruise) < LEAST_REPORTS:
             return None
         starts = self._starts(cruise)
-        # The last report is excluded: its own delay would look like a lag.
+        # A report that arrives late is no lag if later reports are in time. The last report is
+        # excluded, because no later report can show this.
         lags_ns = [
             min(starts[index:]) - min(starts[: index + 1]) for index in range(len(starts) - 1)
         ]
@@ -147,8 +150,8 @@ SLACK_S = 2.0
 """Time [s] added to the computed duration of a motion before it counts as failed."""
 
 LATE_S = 0.15
-"""A move counts as late if it takes longer than computed by more than this time [s]. Its pieces
-then arrived late, so that the guide has paused."""
+"""A move counts as late if it takes longer than computed by more than this time [s]. The guide has
+then paused, because pieces of the move arrived too late."""
 
 HOME = 'home the guide'
 HOMING = Refusal('the guide is being homed', 'wait until homing has ended')
@@ -260,7 +263,7 @@ class LinearGuideClient:
         if connection is None:
             return
         self.request_stop()
-        # The motion brings the guide to rest, which needs the connection.
+        # The stopped motion needs the connection until the guide is at rest.
         with self._motions.no_motion(SLACK_S + 3.0):
             self._connection = None
             connection.close()
@@ -275,16 +278,16 @@ class LinearGuideClient:
         """Find the reference switch; return the state at rest.
 
         Re-establishes a lost connection. If the position is known, the guide first moves close to
-        the switch, in short pieces like any move. The controller then executes its homing cycle
-        without the driver.
+        the switch, in short pieces like any move. The controller then executes its homing cycle,
+        which needs no further commands.
 
         Parameters
         ----------
         on_elapsed : callable
             Called repeatedly with the time since the command [s].
         should_stop : callable
-            Returns True if homing must stop. During the homing cycle the controller is then
-            reset, because it ignores everything else.
+            Returns True if homing must stop. A controller in its homing cycle is then reset,
+            because it ignores all other commands.
 
         Raises
         ------
@@ -342,7 +345,10 @@ class LinearGuideClient:
         return self._motions.run(motion, on_state, should_stop)
 
     def request_stop(self) -> bool:
-        """Brake immediately; return True if a motion is running. It ends once the guide rests."""
+        """Brake immediately; return True if a motion is running.
+
+        The motion ends once the guide is at rest.
+        """
         return self._motions.request_stop()
 
     # -- homing --------------------------------------------------------------------------
@@ -367,7 +373,7 @@ class LinearGuideClient:
             with closing(connection.stream([grbl.HOME], timeout_s, answers_status=False)) as wakes:
                 for _ in wakes:
                     yield time.monotonic() - started_s
-            self._position.trouble = None  # before the last report, so that no later fault is lost
+            self._position.trouble = None  # cleared first, so that a fault from now on is kept
             report = connection.wait_report(REPLY_TIMEOUT_S)
             position_m = self._position.to_m(report)
             if position_m is None or not -1e-6 <= position_m <= self._config.travel_m + 1e-6:
@@ -382,7 +388,10 @@ class LinearGuideClient:
         return home()
 
     def _find_near_switch(self) -> float | None:
-        """Return a position near the switch [m], or None if unknown or if the guide is closer."""
+        """Return a position near the switch [m].
+
+        Return None if the position of the switch is unknown, or the guide is closer to it.
+        """
         state, homed_m = self.state, self._homed_m
         if homed_m is None or state is None or state.position_m is None:
             return None
@@ -398,7 +407,7 @@ class LinearGuideClient:
         if not self._is_in_homing_cycle:  # still on the way to the switch
             return self._stop_move('the reference switch')
         self._position.trouble = HOMING_FAILED
-        self._require_connection()[0].reset()  # a homing cycle ignores everything else
+        self._require_connection()[0].reset()  # only a reset ends a homing cycle
         return 'Homing was stopped; home the guide before the next move.'
 
     def _fail_homing(self, reason: str) -> str:
@@ -463,7 +472,7 @@ class LinearGuideClient:
 
     def _watch(self, connection: GrblConnection, track: MotionTrack) -> GuideState | None:
         last = self._position.last
-        if last is None or self._motions.is_stopping:  # the driver's own stop begins with a hold
+        if last is None or self._motions.is_stopping:  # the driver's stop causes Hold, too
             return None
         state, arrived_at_ns = last
         if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
@@ -544,7 +553,9 @@ class LinearGuideClient:
 
 
 class _KnownPosition:
-    """Converts reports to states; after a fault, the position is unknown until the next homing.
+    """Converts status reports to `GuideState`.
+
+    After a fault, the position is unknown until the next homing.
 
     Attributes
     ----------
@@ -575,7 +586,7 @@ class _KnownPosition:
         return None if last is None else (self.to_state(*last[:2]), last[2])
 
     def lose(self, trouble: Refusal) -> None:
-        """Record why the position is unknown. The first reason is kept, as cause of the others."""
+        """Record why the position is unknown. A reason that is already recorded is kept."""
         self.trouble = self.trouble or trouble
 
     def take_fault(self, reason: str) -> None:

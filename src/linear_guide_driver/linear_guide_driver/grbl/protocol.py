@@ -25,7 +25,8 @@ FEED_HOLD = b'!'
 CYCLE_START = b'~'
 SOFT_RESET = b'\x18'
 FEED_OVERRIDE_RESET = b'\x90'
-"""Real-time commands: single bytes that are executed immediately, even within a line."""
+"""This and the four constants above are real-time commands: single bytes that Grbl executes
+immediately, even within a line."""
 
 HOME = b'$H\n'
 READ_SETTINGS = b'$$\n'
@@ -35,17 +36,19 @@ MODES = b'G21 G90 G94\n'
 """Line that selects millimetres, absolute positions and feed per minute."""
 
 DWELL = b'G4 P0.010\n'
-"""A pause; its ``ok`` is sent only after all earlier motion has ended."""
+"""A pause of 10 ms. Grbl answers it with ``ok`` only after all earlier motion has ended."""
 
 MAX_LINE_BYTES = 512
-"""Longer lines are invalid; the longest known line is a build info of about 150 bytes."""
+"""Longest valid line of a controller. The longest known line, a build info, has 150 bytes."""
 
 RECEIVE_BYTES = 127
 """Largest number of bytes in unanswered lines; Grbl's receive buffer has 128 bytes."""
 
 SHORTEST_PIECE_S = 0.005
-"""Shortest piece [s], because shorter ones would load host and connection. A controller with more
-than about 45 planner blocks therefore keeps moving for longer than ``run_on_s``."""
+"""Shortest duration of a piece of a move [s]. Shorter pieces would load host and connection.
+
+A controller with more than about 45 planner blocks therefore keeps moving for longer than
+``run_on_s`` after its driver has died."""
 
 STATES = frozenset(
     {'Idle', 'Run', 'Hold', 'Jog', 'Alarm', 'Door', 'Check', 'Home', 'Sleep', 'Tool'}
@@ -311,7 +314,7 @@ MOST_STEPS_HZ = 30e3
 
 @dataclass(frozen=True)
 class GuideSettings:
-    """Settings of the X axis, in Grbl's units."""
+    """Settings of the X axis, in Grbl's units. The comments contain their numbers in Grbl."""
 
     reports_inches: bool  # $13
     has_soft_limits: bool  # $20
@@ -343,7 +346,7 @@ class GuideSettings:
         return cls(
             reports_inches=number(13, False) != 0,
             has_soft_limits=number(20, False) != 0,
-            has_homing=int(number(22, False)) & 1 == 1,  # a mask in grblHAL, bit 0 is Grbl's
+            has_homing=int(number(22, False)) & 1 == 1,  # a bit mask in grblHAL; bit 0 as in Grbl
             homing_feed_mm_min=number(24),
             homing_seek_mm_min=number(25),
             pull_off_mm=number(27, False),
@@ -370,7 +373,7 @@ class GuideSettings:
         Raises
         ------
         DeviceRefusedError
-            If a setting would change a motion without an error.
+            If a setting would make a motion differ from the request, without an error.
         """
         if self.reports_inches:
             raise DeviceRefusedError('the controller reports inches; set $13=0')
@@ -413,14 +416,16 @@ class GuideSettings:
     def compute_move_duration_s(self, distance_m: float, speed_m_s: float) -> float:
         """Return an upper bound of the duration of a move from rest to rest [s].
 
-        The bound d/v + v/a is exact if the move reaches its speed v.
+        With distance d, speed v and acceleration a, the bound is d/v + v/a. It is exact if the
+        move reaches its speed.
         """
         return abs(distance_m) / speed_m_s + speed_m_s * 1e3 / self.acceleration_mm_s2
 
     def compute_homing_timeout_s(self) -> float:
         """Return the longest duration of a homing cycle [s].
 
-        Grbl seeks over 1.5 times the travel, then approaches the switch over a few pull-offs.
+        Grbl seeks the switch over 1.5 times the travel. It then approaches the switch again, over
+        a few times the pull-off distance.
         """
         seek_s = 1.5 * self.travel_mm / (self.homing_seek_mm_min / 60)
         locate_s = 10 * self.pull_off_mm / (self.homing_feed_mm_min / 60)

@@ -56,7 +56,7 @@ def test_a_guide_at_rest_is_asked_slowly_and_a_moving_one_at_full_rate(guide, mo
     there._link._on_tick = note_tick
     wait_until(lambda: len(ticks) > 5)
     at_rest = there._reports
-    wait_until(lambda: len(ticks) > 30)  # one second at rest; at full rate 20 reports
+    wait_until(lambda: len(ticks) > 30)  # 1 s, in which 20 reports would arrive at full rate
     assert there._reports == at_rest
     assert set(ticks) == {connection.REST_CYCLE_S}
     guide.move_to(0.031, 0.03)
@@ -72,15 +72,16 @@ def test_home_then_move_ends_at_rest_at_the_target(guide, grbl):
     took_s = time.monotonic() - began_s
     assert state.position_m == pytest.approx(0.031, abs=1e-6)
     assert state.state == 'Idle'
-    # The controller reports Idle right after the ok of the move; only the dwell shows the true end
-    # of the motion.
+    # The controller reports Idle right after the ok of the move. Only the ok of the dwell shows
+    # that the motion has ended.
     assert took_s >= 0.3
     assert grbl.mpos == -169.0
     assert max(s.velocity_m_s for s in states) == pytest.approx(0.1)
     guide.move_to(0.021, 0.1, states.append)
     assert min(s.velocity_m_s for s in states) == pytest.approx(-0.1)
     assert 'G53 G1 X-169.000 F6000.000' in grbl.lines
-    # A piece lasts at most 0.25 s / (15 planner blocks + 4 waiting lines) = 13 ms.
+    # The move is sent in pieces: 15 in the planner and 4 waiting lines contain 0.25 s of motion.
+    # Each piece therefore lasts at most 13 ms.
     targets = [float(line.split()[2][1:]) for line in grbl.lines if line.startswith('G53 G1')]
     assert all(abs(b - a) < 1.34 for a, b in itertools.pairwise(targets))
     assert grbl.real_time.endswith(b'\x90')
@@ -204,7 +205,7 @@ def test_an_alarm_ends_the_move_and_homing_right_after_it_works(guide, grbl, mov
     assert guide.state.position_m is None
     with pytest.raises(MotionRefusedError, match='ALARM:1'):
         guide.move_to(0.1, 0.05)
-    guide.home()  # Grbl swallows the first reset
+    guide.home()  # Grbl ignores the first reset
     guide.move_to(0.002, 0.05)
 
 
@@ -219,7 +220,7 @@ def test_a_move_whose_stepper_runs_dry_is_started_again(guide, grbl):
 def test_a_held_move_is_not_started_again(guide, grbl, monkeypatch, who):
     guide.home()
     grbl.runs_dry = 1
-    # the hold comes after the last check for a stop, and before the cycle start
+    # The stop comes after the driver's last check for a stop, and before its cycle start.
     if who == 'driver':
         stalls = property(lambda _: grbl.is_dry and guide.request_stop())
         monkeypatch.setattr(connection.GrblConnection, 'has_stalled', stalls)
@@ -325,7 +326,8 @@ def test_a_killed_driver_leaves_little_for_the_controller_to_carry_out(grbl):
     driver.wait()
     killed_at = grbl.mpos
     wait_until(lambda: not grbl.is_moving)
-    # 0.25 s of motion at 20 mm/s are 5 mm; sent as one move it would go on for 150 mm.
+    # The controller has received 0.25 s of motion in advance: 5 mm at 20 mm/s. If the move had
+    # been sent as a whole, the guide would move on by up to 150 mm.
     assert grbl.mpos < killed_at + 10
 
 
@@ -349,7 +351,7 @@ def test_a_driver_killed_in_a_homing_from_a_known_position_leaves_as_little(grbl
     driver.wait()
     killed_at = grbl.mpos
     wait_until(lambda: not grbl.is_moving)
-    # only $H would move the guide to the switch, which is 80 mm away
+    # The switch is 80 mm away. Only a homing cycle ($H) would move the guide that far.
     assert grbl.mpos > killed_at - 10
     assert grbl.lines.count('$H') == 1
 
@@ -388,7 +390,7 @@ def test_a_fault_before_the_homing_cycle_asks_for_a_homing(guide, grbl):
     homing.ends_by(MotionFailedError, 'ALARM:1')
     assert guide.trouble
     lines = len(grbl.lines)
-    guide.home()  # the cycle covers the whole distance, because the position is unknown
+    guide.home()  # without a preceding move, because the position is unknown
     assert not any(line.startswith('G1') for line in grbl.lines[lines:])
 
 
@@ -423,5 +425,6 @@ def test_grblhal_is_known_by_its_banner_and_may_step_faster(grbl):
     grbl.lines.clear()
     guide.move_to(0.011, 0.1)
     guide.close()
-    # 10 mm in pieces of 0.25 s / (35 blocks + 4 lines): 6.4 ms, 0.64 mm.
+    # 35 blocks in the planner and 4 waiting lines contain 0.25 s of motion. Each piece therefore
+    # lasts 6.4 ms, in which the guide moves by 0.64 mm, and 10 mm need 16 pieces.
     assert sum(line.startswith('G53') for line in grbl.lines) == 16

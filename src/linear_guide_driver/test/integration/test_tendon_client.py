@@ -231,7 +231,7 @@ def test_a_tendon_held_where_its_zero_cannot_be_must_be_homed(connect, servo):
 def test_no_release_tightens(connect, servo):
     servo.leave_as_a_driver(0, 2048)  # tightened by more than any pull, so the zero is unknown
     tendon = connect(max_displacement_m=0.002)
-    below = 2048 - 652  # 10 mm below the zero, as after homings that failed
+    below = 2048 - 652  # 10 mm below the zero, as after failed homings
     servo.turn_to(below)
     servo.put(116, 4, servo.get(132))
     wait_until(lambda: tendon.state.displacement_m < -0.009)
@@ -248,7 +248,7 @@ def test_no_release_tightens(connect, servo):
 
 
 def test_slack_is_read_when_the_tendon_has_unwound_though_the_torque_was_off(connect, servo):
-    # As if a driver had just been closed: the spring of the finger still turns the servo.
+    # As if a driver had just been closed: the finger springs back and still turns the servo.
     servo.put(132, 4, 2448)
     began_s = time.monotonic()
     servo.lose = lambda _: servo.turn_to(
@@ -293,7 +293,7 @@ def test_no_hold_tightens_while_its_packets_are_lost(connect, servo, reverse, co
     assert servo.goal == servo.position == lost[-1] + out
 
 
-# before the motion begins, or while it waits for the bus
+# Number of times that the pull calls ``should_stop`` before it returns True.
 @pytest.mark.parametrize('looks', [0, 1])
 def test_a_stop_before_the_goal_is_written_moves_nothing(tendon, servo, looks):
     count = len(servo.writes)
@@ -340,7 +340,7 @@ def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first
 
     def end_pull():
         told.set()
-        assert asked.wait(5.0)  # the pull has seen the request, but the release is not written yet
+        assert asked.wait(5.0)  # the pull must stop, but the release is not written yet
 
     pull = begin_pull(tendon, servo, lambda _: None, should_stop)
     tendon.request_release(end_pull)
@@ -454,7 +454,7 @@ def test_a_slack_tendon_at_rest_is_polled_slowly_and_a_pull_wakes_the_poll(
     connect, servo, monkeypatch
 ):
     monkeypatch.setattr(servo_monitor, 'REST_AFTER_S', 0.1)
-    # the period of polls at rest is longer than this test
+    # With these values, the period of polls at rest is longer than this test.
     monkeypatch.setattr(servo_monitor, 'REST_POLLS', 1e-3)
     monkeypatch.setattr(servo_monitor, 'REST_CYCLE_S', 1e3)
     monitor = (tendon := connect())._monitor
@@ -463,7 +463,7 @@ def test_a_slack_tendon_at_rest_is_polled_slowly_and_a_pull_wakes_the_poll(
     assert polls[1] is None  # the first poll may have been running already
     tendon.pull_to(0.004)
     held = servo.packets
-    wait_until(lambda: servo.packets > held + 30)  # the full rate is kept in a hold
+    wait_until(lambda: servo.packets > held + 30)  # a held tendon is polled at the full rate
     assert not tendon.is_at_rest
     assert monitor.period_s == pytest.approx(1 / 60)
     tendon.pull_to(0.0)

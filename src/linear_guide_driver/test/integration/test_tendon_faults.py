@@ -66,9 +66,9 @@ def test_a_goal_that_is_refused_for_another_reason_says_so(tendon, servo, monkey
 
 def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(tendon, servo):
     polls = servo.packets
-    wait_until(lambda: servo.packets > polls + 45)  # 0.7 s, almost twice the time of the watchdog
+    wait_until(lambda: servo.packets > polls + 45)  # 0.7 s, almost twice the watchdog's timeout
     assert servo.table[98] == 20
-    servo.is_mute = True  # the answers are lost; the driver must fall silent to stop it
+    servo.is_mute = True  # the driver must stop sending, so that the watchdog trips
     pull = Background(tendon.pull_to, 0.02, 0.01)
     assert 'silent' in str(pull.end()) or 'failed' in str(pull.error)
     wait_until(lambda: servo.table[98] == 255)
@@ -204,7 +204,7 @@ def test_a_driver_that_ends_leaves_another_servo_alone(connect, servo):
 
 
 def blink(servo):
-    """Lose the power for a moment; its Startup Configuration switches the torque on."""
+    """Interrupt the power for a moment; the servo then switches its torque on again."""
     servo.lose_power()
     servo.put(64, 1, 1)
     servo.put(116, 4, servo.get(132))
@@ -214,7 +214,7 @@ def blink(servo):
 def test_a_blink_of_the_power_loses_the_zero_though_the_torque_is_on(connect, servo, is_noticed):
     servo.turn_to(4000)
     tendon = connect(slack_after_s=0.2)
-    tendon.pull_to(0.004)  # more than one turn, so the count of turns is lost
+    tendon.pull_to(0.004)  # beyond one turn; the servo loses its turns without power
     assert servo.position == 4261
     servo.is_silent = True
     blink(servo)

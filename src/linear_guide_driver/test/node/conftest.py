@@ -73,7 +73,10 @@ class Bench:
         )
 
     def make_client(self, action_type, name):
-        """Create a client on the executor's thread, which must not see it incomplete."""
+        """Create an action client on the executor's thread.
+
+        On another thread, the executor could use the client before it is complete.
+        """
 
         def make():
             self._clients[name] = ActionClient(self.peer, action_type, name)
@@ -121,7 +124,7 @@ class Bench:
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
-    """Longer timeout for the servo's answers [ms], because its thread may wait for a core."""
+    """Increase the timeout for the servo's answers, because its thread may wait for a core."""
     monkeypatch.setattr(port_handler, 'LATENCY_TIMER', 100)
 
 
@@ -140,7 +143,7 @@ def peers(bench):
 
 @pytest.fixture
 def diagnostics(bench):
-    """Return the statuses of the running node, in a list that grows."""
+    """Return a list to which each diagnostic status of the running node is appended."""
     statuses = []
     bench.peer.create_subscription(
         DiagnosticArray, '/diagnostics', lambda message: statuses.append(message.status[0]), 10
@@ -151,7 +154,7 @@ def diagnostics(bench):
 
 @pytest.fixture
 def start_driver(bench, servo):
-    """Return a function that starts the tendon driver; it takes options of Popen."""
+    """Return a function that starts the tendon driver. Its argument has options of Popen."""
     program = Path(
         get_package_prefix('linear_guide_driver'), 'lib/linear_guide_driver/tendon_actuator_node'
     )

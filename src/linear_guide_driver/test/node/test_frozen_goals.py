@@ -25,7 +25,7 @@ START_S = 60.0
 
 FROZEN_S = 2 * MOST_S
 AFTER_S = EXPIRE_S + 0.5
-"""Time after the standstill in which nothing may move [s]."""
+"""Time after a frozen driver has been continued in which nothing may move [s]."""
 
 PULL = PullTendon.Goal(displacement_m=0.004, speed_m_s=0.02, contact='flexion')
 MOVE = MoveGuide.Goal(position_m=0.15, speed_m_s=0.02)
@@ -33,7 +33,7 @@ SHORT_MOVE = MoveGuide.Goal(position_m=0.02, speed_m_s=0.1)
 """A move that shows that a driver works again."""
 
 PIECE_MM = 0.3
-"""Longer than a piece of MOVE [mm]: 0.25 s of motion are divided into 15 blocks and 4 lines."""
+"""Distance that exceeds one piece of `MOVE` [mm]. A move is sent in pieces of 0.25 s / 19."""
 
 
 class Driver:
@@ -107,7 +107,7 @@ def tendon(bench, servo):
 
 
 def assert_rests(read_position, most=0.0):
-    """Check that nothing moves by more than ``most`` for some time."""
+    """Check that the position changes by at most ``most`` during `AFTER_S`."""
     start, end_s = read_position(), time.monotonic() + AFTER_S
     seen = []
     wait_until(lambda: seen.append(read_position()) or time.monotonic() > end_s)
@@ -136,7 +136,7 @@ def test_a_move_in_which_the_guides_driver_was_frozen_is_over(guide, grbl):
     with guide.frozen():
         # Grbl has executed the motion that it had received in advance
         wait_until(lambda: not grbl.is_moving)
-    # A driver frozen between its last check and a write sends that piece of the move later.
+    # If the driver was frozen just before it sent a piece of the move, it sends this piece now.
     assert_rests(lambda: grbl.mpos, most=PIECE_MM)
     assert_ended_by_standstill(guide, goal)
 

@@ -23,7 +23,7 @@ TENDON = {'watchdog_s': 1.0, 'unguarded': True, 'speed_m_s': 0.02}
 
 
 class Terminal:
-    """A pseudo-terminal, of which one process is the leader."""
+    """A pseudo-terminal that controls the process started with the options `popen`."""
 
     def __init__(self, *, is_nohup=False):
         self._master, self._slave = os.openpty()

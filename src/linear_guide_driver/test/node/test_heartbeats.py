@@ -74,7 +74,7 @@ def test_a_guide_whose_poll_hangs_gives_no_sign_of_life(bench, grbl):
 
     while not is_lost:  # on a busy computer, the driver may have reconnected
         link = wait_until(find_link)
-        with link._write_lock:  # a blocked write would also hold this lock
+        with link._write_lock:  # blocks the poll, like a write that hangs
             wait_until(lambda link=link: watch.find_loss() or find_link() is not link)
             is_lost = bool(watch.find_loss())
     wait_until(lambda: not watch.find_loss())
@@ -145,7 +145,7 @@ def test_a_second_tendon_driver_that_is_not_well_is_a_rival_too(bench, servo, tw
             wait_until(lambda: '2 nodes' in str(watch.find_loss()))
             second_servo.unplug()
             wait_until(lambda: not second.is_usable() and not watch.find_loss())
-            for _ in range(3):  # either of the two may answer
+            for _ in range(3):  # either of the two nodes may answer
                 bench.aborts(bench.send(PullTendon, '/tendon_actuator/pull', **PULL), RIVALS)
             assert abs(servo.position - SLACK) <= 33
             watch.close()
@@ -163,7 +163,8 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
     move = {'position_m': 0.19, 'speed_m_s': 0.005}
     handle = bench.send(MoveGuide, '/linear_guide/move', **move)
     wait_until(lambda: grbl.is_moving)
-    # The result is requested now, because the second guide would also answer: unknown goal.
+    # The result is requested before the second guide starts, which would answer that it does not
+    # know the goal.
     end = send(bench.peer, handle.get_result_async)
     second_grbl = ScriptedGrbl()
     try:

@@ -140,7 +140,7 @@ def test_an_unknown_zero_is_no_slack_tendon_until_it_was_slackened(bench, servo)
     client.safety.set_zero(Zero.UNKNOWN, 'it was lost')
     wait_until(lambda: heard[-1].state == TendonSlack.UNKNOWN)
     assert 'zero' in heard[-1].reason
-    # if there is no sensor, by a fixed length
+    # Without a sensor, the tendon is slackened by a fixed length, max_displacement_m.
     assert bench.call('/tendon_actuator/release').success
     wait_until(lambda: heard[-1].state == TendonSlack.SLACK)
     assert client.state.displacement_m == pytest.approx(-0.02, abs=0.0006)

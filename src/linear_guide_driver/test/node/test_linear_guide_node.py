@@ -156,7 +156,7 @@ def test_a_move_ends_when_what_it_needs_falls_silent_though_the_clock_stands(
         home(bench)
         handle = move(bench, 0.19, 0.01)
         wait_until(lambda: grbl.is_moving)
-    # the result states the reason, not only the position
+    # The message of the result must state the reason.
     bench.aborts(handle, f'{topic} for 0.5 s')
     assert not grbl.is_moving
 

@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Stop, release and reset of docs/motion.md, through the real nodes and real bytes."""
+"""Stop, release and reset as described in docs/motion.md: real nodes, simulated devices."""
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -15,7 +15,7 @@ from tactile_ros.qos import LATEST
 from tactile_testing.waiting import wait_until
 
 SLACK = 2048
-"""Counts of the shaft at which the peer begins."""
+"""Position of the scripted servo at its start, where the tendon is slack [counts]."""
 
 TAUT_M = 0.004
 PRESSED = 'Stop was pressed on'
@@ -92,7 +92,7 @@ def test_a_stopped_tendon_becomes_slack_however_often_stop_is_pressed(bench, ser
 
 @pytest.mark.parametrize('begin', ['pull', 'release'])
 def test_a_stop_does_not_end_slackening(bench, servo, peers, begin):
-    servo.put(44, 4, 10)  # 1.6 s for 4 mm of tendon
+    servo.put(44, 4, 10)  # velocity limit at which 4 mm of tendon take 1.6 s
     start_tendon(bench, servo, speed_m_s=0.002, slack_after_s=30.0)
     wait_until(lambda: not bench.node._find_missing())
     assert bench.result(pull(bench, TAUT_M, 0.0023))[0] == 'succeeded'
@@ -190,7 +190,7 @@ def test_an_emergency_stop_latches_when_it_is_pressed_and_when_it_is_lost(
         emergency_stop_topic='/robot/emergency_stop',
         emergency_stop_timeout_s=1.0,
     )
-    # The QoS is latched and reliable, the strictest that a publisher can have.
+    # With this QoS (transient local and reliable), a subscription of any QoS is compatible.
     profile = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = bench.peer.create_publisher(Bool, '/robot/emergency_stop', profile)
     bench.aborts(pull(bench, TAUT_M), '/robot/emergency_stop')

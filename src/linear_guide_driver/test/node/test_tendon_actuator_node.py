@@ -37,7 +37,7 @@ def tendon(bench, servo):
 def sensor(tendon, servo, peers):
     # Stiffness of 1 N per millimetre of tendon; 10 mm are 651.9 counts.
     peers.tension_n = lambda: (servo.position - 2048) / 65.19
-    # A slack reading at the start confirms the zero. A test may set a tension only after that.
+    # Before a test sets a tension, the sensor must have confirmed the zero by a slack reading.
     wait_until(lambda: tendon.node._client.safety.zero is Zero.KNOWN)
     return peers
 
@@ -118,7 +118,7 @@ def test_the_limit_is_guarded_while_holding_and_a_release_that_fails_is_tried_ag
     assert tendon.result(pull(tendon, 0.005, 0.04))[0] == 'succeeded'
     lost = []
 
-    def lose(address):  # loses more writes of the goal than one call attempts
+    def lose(address):  # loses more packets than one command sends
         if address == 116 and len(lost) < 4:
             lost.append(address)
             return True

@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Promises of docs/motion.md about the tendon, through the real node and real bytes."""
+"""Statements of docs/motion.md about the tendon: the real node with a scripted servo."""
 
 import time
 
@@ -15,7 +15,7 @@ from tactile_ros.qos import LATEST, STREAM
 from tactile_testing.waiting import wait_until
 
 SLACK = 2048
-"""Counts of the shaft at which the peer begins."""
+"""Position of the scripted servo at its start, where the tendon is slack [counts]."""
 
 TAUT_M = 0.004
 TAUT = SLACK + 261
@@ -75,7 +75,7 @@ def test_above_the_limit_nothing_turns_slackening_into_holding(bench, servo, pee
 
 
 def fall_silent(peers, who, is_silent=True):
-    """Stop or resume the heartbeat or the samples of the sensor."""
+    """Stop (or resume) the messages of ``who``: the heartbeat, or the samples of the sensor."""
     setattr(peers, 'beats' if who == 'heartbeat' else 'samples', not is_silent)
 
 
@@ -129,7 +129,7 @@ def test_a_goal_that_is_sent_while_the_tendon_slackens_is_judged_by_where_it_is(
     bench.node._client.request_release()
     wait_until(lambda: servo.position < TAUT - 50)
     lowest = servo.position
-    bench.aborts(pull(bench, 0.0035), 'sample')  # less than 4 mm, but more than now
+    bench.aborts(pull(bench, 0.0035), 'sample')  # below the last goal, above the position
     wait_until(lambda: is_slack(servo))
     assert servo.position <= lowest
 
@@ -150,7 +150,7 @@ def test_all_samples_that_wait_count_at_once(bench, servo):
     wait_until(publisher.get_subscription_count)
     values = [0.001 * i for i in range(800)]
     values[400] = 20.0  # above the limit, in the middle
-    with bench.node.lock:  # the node cannot take samples meanwhile
+    with bench.node.lock:  # the node takes no samples during this block
         for number, value in enumerate(values):
             publisher.publish(StrainBlock(sequence=number, tension_n=[value]))
         assert publisher.wait_for_all_acked()
@@ -173,7 +173,7 @@ def test_old_samples_are_no_live_ones(bench, servo, peers):
 
 
 def test_a_step_of_the_clock_makes_no_sample_old(bench, servo, peers):
-    # the time-outs are shorter than the steps of the clock
+    # The timeouts must be shorter than the steps of the clock.
     start(bench, servo, guard_timeout_s=2.0, heartbeat_timeout_s=2.0)
     bench.node.now_ns = lambda: time.time_ns() + round(peers.step_s * 1e9)
     pull_taut(bench, peers)
@@ -217,7 +217,7 @@ def test_a_driver_whose_cable_is_plugged_in_again_is_ready_by_itself(bench, serv
 def test_tension_at_the_zero_asks_for_homing_and_slackening_goes_by_the_sensor(
     bench, servo, peers
 ):
-    # Although the torque is off, friction of the gear keeps a tension of 2 N (1 N per millimetre).
+    # A tendon that stays taut without torque, because friction of the gear holds a tension of 2 N.
     peers.tension_n = 2.0
     start(bench, servo)
     wait_until(lambda: bench.node._client.safety.zero is Zero.UNKNOWN)
@@ -240,7 +240,7 @@ def test_tension_at_the_zero_asks_for_homing_and_slackening_goes_by_the_sensor(
 
 
 class Other:
-    """Another node that publishes, with the attributes of a bench that `Peers` uses."""
+    """Another node that publishes samples. `Peers` can use it in place of a `Bench`."""
 
     def __init__(self, context):
         self.peer = Node('other_sensor', context=context)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Blocking calls on a separate thread of the test, and waits for their effects."""
+"""Blocking calls that a test executes on a separate thread."""
 
 import threading
 

@@ -12,7 +12,10 @@ import tty
 
 
 class PtyPeer:
-    """Calls `take` with the received bytes, if any, about a hundred times a second."""
+    """Device behind a pseudo-terminal; a subclass defines `take`.
+
+    `take` is called with received bytes when they arrive, and with ``b''`` while none arrive.
+    """
 
     def __init__(self):
         self._folder = tempfile.TemporaryDirectory()

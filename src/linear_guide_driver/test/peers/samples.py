@@ -15,7 +15,7 @@ _numbers = itertools.count(0, 1000)
 
 
 def feed(safety, tension_n, now_ns, *, is_saturated=False, age_ns=0):
-    """Add a block that is ``age_ns`` late by its stamp; return True if the order may change."""
+    """Add a block with a stamp ``age_ns`` before ``now_ns``; see `TendonSafety.add_blocks`."""
     status = StrainStatus.SATURATED if is_saturated else StrainStatus.OK
     values = np.array(tension_n, dtype=float)
     first_ns = now_ns - age_ns - (len(values) - 1) * PERIOD_NS

@@ -3,8 +3,8 @@
 
 """A scripted Grbl 1.1 controller behind a pty: its X axis moves in real time.
 
-It knows no acceleration. Its planner holds `BLOCKS` moves; further lines wait unanswered. A dwell
-waits for the end of all moves, and requests a cycle start once, before it waits.
+The axis moves without acceleration. The planner has room for `BLOCKS` moves; further lines wait
+unanswered. A dwell requests a cycle start once, and then waits for the end of all moves.
 """
 
 import re
@@ -37,7 +37,7 @@ class ScriptedGrbl(PtyPeer):
         self.lines = []
         self.options = 'V'
         self.is_deaf = False
-        self.state = 'Alarm'  # locked after power-up, as with homing switched on
+        self.state = 'Alarm'  # Grbl is locked after power-up if homing is switched on
         self.home_s = 0.05
         self.homed_mm = -199.0  # where a homing cycle ends [mm]
         self.banner = b"\r\nGrbl 1.1h ['$' for help]\r\n"
@@ -64,7 +64,7 @@ class ScriptedGrbl(PtyPeer):
         return bool(self._moves)
 
     def lose_power(self):
-        """Restart in the middle of the present action."""
+        """Restart, which ends all motion and locks the controller."""
         self.say(self.banner + b"[MSG:'$H'|'$X' to unlock]\r\n")
         self._rest(0.0)
         self.state = 'Alarm'

@@ -24,18 +24,18 @@ TABLE = (
 
 
 RUN = ((108, 4), (112, 4), (116, 4))
-"""Registers that may be written in one packet: address and size."""
+"""Address and size of the adjacent registers that the driver may write in one packet."""
 
 
 def find_fields(address, size):
-    """Return address and size of the registers in a packet."""
+    """Return address and size of each register in a packet."""
     if size <= 4:
         return [(address, size)]
     return [field for field in RUN if address <= field[0] < address + size]
 
 
 def compute_crc(data):
-    """CRC-16 with polynomial 0x8005, bit by bit."""
+    """Return the CRC-16 of ``data`` with the polynomial 0x8005."""
     crc = 0
     for byte in data:
         crc ^= byte << 8
@@ -61,7 +61,7 @@ class ServoModel:
         self.writes = []
         self.lasting_error = 0  # hardware error that remains after a restart
         self.trips_before = None  # the watchdog trips before the next write of this register
-        self.stuck_at = None  # position [counts] beyond which the load does not yield
+        self.stuck_at = None  # position [counts] at which the load stops the shaft
         self._part = 0.0  # fraction of a count that the shaft has turned
         self._heard_s = self._turned_s = clock()
 
@@ -82,11 +82,11 @@ class ServoModel:
 
     @property
     def goal(self):
-        """The goal position, as one of the shaft [counts]."""
+        """Goal position of the shaft [counts], independent of the homing offset."""
         return self.get(116) - self.get(20)
 
     def leave_as_a_driver(self, zero, position):
-        """Hold a position of the shaft [counts] as after the end of a driver: watchdog tripped."""
+        """Hold a position of the shaft [counts] with a tripped watchdog, as a dead driver does."""
         for address, size, value in ((20, 4, -zero), (11, 1, 5), (64, 1, 1), (98, 1, 255)):
             self.put(address, size, value)
         for address, size, value in ((102, 2, 112), (112, 4, 42), (116, 4, position - zero)):
@@ -129,7 +129,7 @@ class ServoModel:
         self.put(128, 4, velocity)
 
     def _write(self, address, data):
-        """Write a run of registers as a whole, or refuse it as a whole."""
+        """Write all registers of a packet, or none; return the error of the answer."""
         fields = find_fields(address, len(data))
         if address < 64 and self.table[64]:
             return 7
@@ -165,8 +165,8 @@ class ScriptedServo(ServoModel, PtyPeer):
         self.is_silent = False
         self._silent_until_s = 0.0
         self.is_mute = False  # packets are received, but the answers are lost
-        # Function of a register; if it returns True, a packet that reads from this
-        # register, or whose last written register it is, is lost.
+        # Called for each packet with the address that it reads, or of its last written register.
+        # If it returns True, the packet is lost.
         self.lose = lambda address: False
         self.status_error = 0  # error with which every instruction is refused
         self.lost_answers = 0  # number of next answers that are lost
@@ -176,7 +176,7 @@ class ScriptedServo(ServoModel, PtyPeer):
         PtyPeer.__init__(self)
 
     def stop_flow(self, is_stopped):
-        """Let the port accept no bytes, or accept them again."""
+        """Block writing to the port, or allow it again."""
         termios.tcflow(self._slave, termios.TCOOFF if is_stopped else termios.TCOON)
 
     # -- inside ------------------------------------------------------------------------

@@ -16,8 +16,8 @@ from tactile_ros.qos import STREAM
 class Peers:
     """Publishes strain and a heartbeat at 100 Hz until it is stopped; a context manager.
 
-    ``tension_n`` is a number or a function. Samples are stamped with a clock that is ``step_s``
-    ahead, and arrive ``delay_s`` after they were taken.
+    ``tension_n`` is a number, or a function that returns one. The stamps of the samples are
+    ``step_s`` ahead of the clock, and the samples arrive ``delay_s`` after they were taken.
     """
 
     def __init__(self, bench):
@@ -49,7 +49,7 @@ class Peers:
 
     def _publish(self, tension_n):
         taken_at_ns = time.time_ns() - round(self.delay_s * 1e9)
-        # If the delay increases, old samples arrive slowly, and the order of samples is kept.
+        # Stamps must increase even if the delay becomes longer.
         self._taken_at_ns = max(self._taken_at_ns + 1, taken_at_ns)
         stamp_ns = self._taken_at_ns + round(self.step_s * 1e9)
         block = StrainBlock(sequence=self.published, tension_n=[tension_n], status=self.status)

@@ -47,12 +47,12 @@ class VirtualTime:
 
 
 class VirtualServo(ServoModel):
-    """A servo that can be exchanged for another one, and loses count of turns with its power.
+    """A servo in virtual time. Without power, it loses its count of whole turns.
 
     Attributes
     ----------
     lost_counts : int
-        Counts that its position register has lost with its power, in all.
+        Sum of the changes of its position register by losses of the power [counts].
     """
 
     def __init__(self, time, first_count):
@@ -61,7 +61,7 @@ class VirtualServo(ServoModel):
         self.turn_to(first_count)
 
     def lose_power(self, *, is_torque_on=False):
-        """Lose the power; ``is_torque_on``: the Startup Configuration switches the torque on."""
+        """Interrupt the power. If ``is_torque_on``, the servo then switches its torque on."""
         before = self.position
         super().lose_power()
         self.put(102, 2, self.get(38, 2))
@@ -95,20 +95,21 @@ class VirtualLine:
     Attributes
     ----------
     faults : deque of str
-        Of the next exchanges: silent (not heard), mute (heard, the answer is lost), refused, late
-        (heard, the answer comes after the next question), doubled (heard twice, and the second
-        answer comes after the next question), or fine.
+        One fault for each of the next exchanges. ``fine``: no fault. ``silent``: the request is
+        lost. ``mute``: the answer is lost. ``refused``: the servo refuses the request. ``late``:
+        the answer arrives after the next request. ``doubled``: the servo receives the request
+        twice, and the second answer arrives after the next request.
     is_plugged : bool
     on_heard : callable
-        Called before each instruction that the servo hears, with instruction and parameters.
+        Called with instruction and parameters before the servo executes an instruction.
     """
 
     def __init__(self, time, servo):
         self.time, self.servo = time, servo
         self.faults = deque()
         self.is_plugged = True
-        # number of times that the cable was plugged in; a port opened before the last time
-        # is lost
+        # Number of times that the cable was plugged in. A port that was opened before the last
+        # time is lost.
         self.plugs = 0
         self.on_heard = lambda instruction, parameters: None
         self._late = deque()  # late answers and their times of arrival
@@ -140,7 +141,7 @@ class VirtualLine:
             elif fault != 'mute':
                 answers.append(answer)
         self.time.sleep((EXCHANGE_NS if answers else TIMEOUT_NS) / 1e9)
-        # a second answer is dropped before the next request
+        # Further answers are dropped before the next request.
         return answers[0] if answers else None
 
 

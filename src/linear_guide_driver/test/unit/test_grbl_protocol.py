@@ -75,7 +75,7 @@ def encode_event(event):
         state = event.state if event.substate is None else f'{event.state}:{event.substate}'
         text = f'<{state}|MPos:' + ','.join(f'{value:.3f}' for value in event.mpos_mm)
         text += '' if event.feed_mm_min is None else f'|FS:{event.feed_mm_min:.0f},0'
-        text += '|Pn:PXZ>' if event.mpos_mm[0] < 0 else '>'  # active inputs, which nothing reads
+        text += '|Pn:PXZ>' if event.mpos_mm[0] < 0 else '>'  # active inputs: ignored
     return text.encode() + b'\r\n'
 
 
@@ -168,7 +168,7 @@ def test_codes_have_a_meaning_and_unknown_ones_say_so():
 
 
 def test_the_lines_of_a_move_end_with_a_dwell():
-    # 27 bytes a line: four lines of them wait in 127 bytes.
+    # A line has 27 bytes, so four lines fit into the 127 bytes of the receive buffer.
     assert compute_piece_s(0.25, 15) == pytest.approx(0.25 / 19)
     assert compute_piece_s(0.25, 500) == 0.005
     assert list(encode_pieces(-10.0, -9.0, 50.0, 0.01)) == [
@@ -200,9 +200,9 @@ LINES = {
 
 def test_durations_by_hand():
     settings = GuideSettings.from_lines(LINES)
-    # 30 mm at 15 mm/s and 500 mm/s^2: 2 s and 30 ms to start and stop.
+    # 30 mm at 15 mm/s take 2 s; acceleration and braking with 500 mm/s^2 add 30 ms.
     assert settings.compute_move_duration_s(-0.03, 0.015) == pytest.approx(2.03)
-    # 300 mm at 10 mm/s, 10 mm at 1 mm/s, 20 ms.
+    # Seeking: 300 mm at 10 mm/s. Approaching the switch: 10 mm at 1 mm/s. Acceleration: 20 ms.
     assert settings.compute_homing_timeout_s() == pytest.approx(40.02)
 
 

@@ -32,8 +32,8 @@ AGE_NS = round(REPORT_AGE_S * 1e9)
         (0.0, Zero.UNCONFIRMED, {'is_slack': True}, Slack.UNKNOWN),
         (0.0, Zero.UNCONFIRMED, {'is_slack': True, 'has_sensor': False}, Slack.SLACK),
         (0.004, Zero.UNCONFIRMED, {'is_slack': False}, Slack.TAUT),
-        # The zero is unknown: slackened by the longest possible pull, or the sensor reads no
-        # tension.
+        # With an unknown zero, the tendon is slack if it has been slackened by the longest
+        # possible pull, or if the sensor reads no tension.
         (-0.02, Zero.UNKNOWN, {'is_slack': True}, Slack.SLACK),
         (0.0, Zero.UNKNOWN, {'is_slack': False}, Slack.UNKNOWN),
         (0.0, Zero.UNKNOWN, {'is_slack': False, 'was_slack': True}, Slack.UNKNOWN),

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Silence of topics, and the lag of samples."""
+"""Tests of `TopicWatchdog` and `SampleLag`."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -30,7 +30,7 @@ def test_a_topic_is_silent_before_the_first_message_and_after_the_time_out():
 
 
 def ages(lag, stamps_from_ns, arrivals_from_ns, count, period_ns=PERIOD_NS):
-    """Return the ages [ns] of samples at a steady rate, from first stamp and first arrival."""
+    """Return the ages [ns] of samples at a steady rate, given first stamp and first arrival."""
     return [
         lag.add(stamps_from_ns + i * period_ns, arrivals_from_ns + i * PERIOD_NS)
         for i in range(count)

@@ -15,7 +15,7 @@ from linear_guide_driver.motion import Motion, Motions
 
 
 class Device:
-    """Moves in three steps. ``on_step`` is called before each with its number."""
+    """Moves in three steps. ``on_step`` is called before each step with its number."""
 
     def __init__(self, on_step=lambda _: None):
         self.motions = Motions('busy', 'not begun')

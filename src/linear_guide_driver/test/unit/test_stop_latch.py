@@ -62,7 +62,7 @@ def test_every_node_knows_a_stop_and_a_reset():
 def test_a_node_that_starts_again_is_stopped_like_the_others():
     guide, fresh = StopLatch(), StopLatch()
     guide.stop('pressed')
-    fresh.join(lambda: None, lambda: 2)  # the latch itself and the guide
+    fresh.join(lambda: None, lambda: 2)  # two nodes: this one and the guide
     fresh.take(fresh.state, 'fresh')
     assert not fresh.was_heard
     fresh.take(guide.state, 'guide')

@@ -36,7 +36,7 @@ def make_unconfirmed(watchdogs=(), **changes):
 
 
 def make(watchdogs=(), **changes):
-    """Return a `TendonSafety` with a confirmed zero, whose live sensor reads a slack tendon."""
+    """Return a `TendonSafety` with a confirmed zero. The sensor reads a slack tendon."""
     safety = make_unconfirmed(watchdogs, **changes)
     sense(safety, 0.0, 0.0)
     return safety
@@ -48,7 +48,7 @@ def safety():
 
 
 def hold_taut(safety, contact='flexion', now_ns=0, tension_n=1.0):
-    """Bring the tendon to TAUT_M."""
+    """Pull the tendon to ``TAUT_M``."""
     safety.admit(Pull(TAUT_M, contact), 0.0, now_ns)
     safety.finish()
     assert sense(safety, tension_n, TAUT_M, now_ns) is Order.FOLLOW
@@ -149,7 +149,7 @@ def test_a_refused_pull_changes_nothing(safety, pull, text):
 
 
 def test_samples_are_needed_while_taut_and_silence_ends_in_slack(safety):
-    assert safety.decide(0.0, 60_000 * MS) is Order.FOLLOW  # a slack, idle tendon needs no peers
+    assert safety.decide(0.0, 60_000 * MS) is Order.FOLLOW  # slack: needs no other nodes
     assert safety.alarm is None
     hold_taut(safety)
     assert safety.decide(TAUT_M, 250 * MS) is Order.FOLLOW
@@ -238,7 +238,7 @@ def test_a_lost_topic_holds_then_slackens_and_slackening_is_always_admitted():
         safety.admit(Pull(0.006), TAUT_M, 300 * MS)
     safety.admit(Pull(0.0), TAUT_M, 300 * MS)
     assert safety.decide(TAUT_M, 300 * MS) is Order.FOLLOW
-    assert safety.decide(0.002, 5000 * MS) is Order.FOLLOW  # slackening continues without peers
+    assert safety.decide(0.002, 5000 * MS) is Order.FOLLOW  # slackening needs no other nodes
 
 
 def test_a_stop_that_ends_a_slackening_holds_for_good(safety):
@@ -383,7 +383,7 @@ def test_the_stop_tension_ends_the_pull_at_or_above(safety):
     assert not feed(safety, [4.999], 0)
     assert safety.decide(0.002, 0) is Order.FOLLOW
     assert feed(safety, [5.0], 0)
-    assert not feed(safety, [5.0], 0)  # nothing new to act on
+    assert not feed(safety, [5.0], 0)  # the order does not change
     assert sense(safety, 4.0, 0.002) is Order.HOLD
     assert safety.ending is Ending.REACHED
     assert safety.reason == 'The tension reached 5.00 N.'
@@ -491,7 +491,7 @@ def test_a_new_zero_is_judged_anew():
     safety = make_unconfirmed()
     feed(safety, [2.0], 0)
     with pytest.raises(MotionRefusedError, match='wait'):
-        safety.admit(Pull(TAUT_M), 0.0, 0)  # this holds even without a poll in between
+        safety.admit(Pull(TAUT_M), 0.0, 0)  # admitted even without a poll in between
     safety.set_zero(Zero.UNCONFIRMED)
     assert safety.tension.live_n(0) is None
     sense(safety, 2.0, 0.0, 500 * MS)

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Random sequences of everything that can happen to a tendon, its servo and its bus.
+"""Random sequences of commands and faults of a tendon, its servo and its bus.
 
 The real client runs in virtual time, without its thread. The tension is chosen at random and does
-not depend on the motion of the tendon, because safety must also hold for an implausible tension.
+not depend on the motion of the tendon, because the tests must also pass with implausible tensions.
 For a long run, set TENDON_SEQUENCES to the number of sequences.
 """
 
@@ -37,10 +37,14 @@ SEQUENCES = int(os.environ.get('TENDON_SEQUENCES', '30'))
 SPEED_M_S = 0.02
 SILENT = logging.Logger('silent', logging.CRITICAL)
 HEALED_S = 6.0
-"""Time after an outage [s]: the longest back-off, and the time until the servo is at rest."""
+"""Time [s] after which an outage must be over and the servo at rest.
+
+It includes the longest pause between two attempts to reconnect."""
 
 ON_THE_WAY_COUNTS = 6
-"""0.1 mm [counts]: the servo moves this far between a read of its position and the next write."""
+"""Distance that the servo moves between a read of its position and the next write [counts].
+
+It is 0.1 mm of tendon."""
 
 WRITING_NS = 20_000_000
 """Longest time [ns] from the admission of a goal until it is written: a few exchanges."""
@@ -50,7 +54,7 @@ SETTLED_NS = 100_000_000
 
 FAULTS = ('silent', 'mute', 'refused', 'late', 'doubled')
 WRITE = 3
-"""The instruction."""
+"""Code of the instruction that writes registers."""
 
 
 class Activity:
@@ -109,8 +113,8 @@ class Tendon(RuleBasedStateMachine):
         self.activity = Activity()
         self.latch = StopLatch()
         self.latch.emergency = EmergencyInput('emergency', 0.5) if has_emergency else None
-        self.pull = None  # pull that has begun and may tighten
-        self.speed_m_s = 0.0  # speed of that pull
+        self.pull = None  # running pull
+        self.speed_m_s = 0.0  # speed of this pull [m/s]
         self.wrong = None
         self.goal_m = 0.0
         self.are_all_there = self.is_busy = False
@@ -120,11 +124,11 @@ class Tendon(RuleBasedStateMachine):
         self.lost_since_ns = self.above_since_ns = self.stopped_since_ns = None
         self.strange_since_ns = None
         self.pause_until_ns = 0
-        self.slipped_counts = 0  # counts since the last poll
+        self.slipped_counts = 0  # distance slipped since the last poll
         self.client = self.make_client()
         self.latch.join(lambda: self.client.supervise(), lambda: 0)
-        self.zero_lost_counts = 0  # counts that the servo had lost when its zero was taken
-        # the servo has restarted, and the driver has not set it up since
+        self.zero_lost_counts = 0  # ``lost_counts`` of the servo when its zero was taken
+        # True if the servo has restarted, and the driver has not set it up since.
         self.has_restarted = False
         self.line.on_heard = self.note_instruction
         if found != 'off':
@@ -154,7 +158,7 @@ class Tendon(RuleBasedStateMachine):
             self.is_busy = False
 
     def step(self):
-        """Let every servo turn, and record a motion that was not requested."""
+        """Let all servos turn, and record a violation if a shaft moves too fast."""
         before = self.servo.position
         for each in {self.own, self.servo}:
             each.turn()
@@ -184,7 +188,7 @@ class Tendon(RuleBasedStateMachine):
     # -- the driver ----------------------------------------------------------------------
 
     def poll(self):
-        """Let the time of one poll pass; return the state if it came."""
+        """Let the time of one poll pass; return the new state, or None if the poll failed."""
         self.time.sleep(self.monitor.period_s)
         if self.are_all_there:
             self.feed()
@@ -208,7 +212,7 @@ class Tendon(RuleBasedStateMachine):
 
     @contextmanager
     def blocking(self, pull=None):
-        """Run a call of the client that polls until it has ended."""
+        """Context for a blocking call of the client, which itself polls the servo."""
         self.pull, self.is_busy = pull, True
         self.speed_m_s = self.config.homing_speed_m_s
         try:
@@ -236,7 +240,7 @@ class Tendon(RuleBasedStateMachine):
         self.poll()
 
     def feed(self):
-        """Let one sample arrive; one that is infinite is saturated."""
+        """Let one sample arrive. An infinite tension means a saturated sample."""
         self.sampled_at_ns = self.now_ns
         is_saturated = math.isinf(self.tension_n)
         sample_n = 12.0 if is_saturated else self.tension_n
@@ -291,10 +295,11 @@ class Tendon(RuleBasedStateMachine):
         try:
             self.client._begin(pull, speed_m_s)
             self.goal_m = self.client._goal_m
-            self.lost_since_ns = None  # a new pull restarts the holding time
+            self.lost_since_ns = None  # a new pull restarts slack_after_s
         except MotionRefusedError:
             self.pull, self.speed_m_s = None, before_m_s
-            # While the latch is set, or its emergency stop was not heard, only slack is granted.
+            # While the rig is stopped, or the emergency stop was not heard, only a pull to a
+            # displacement of 0 must be admitted. Otherwise, every pull that does not tighten must.
             place_m = 0.0 if is_latched else max(0.0, self.at_m)
             slackens = not pull.is_homing and pull.displacement_m <= place_m
             assert not (slackens and self.can_be_reached), 'slackening was refused'
@@ -305,7 +310,7 @@ class Tendon(RuleBasedStateMachine):
 
     @rule()
     def cancel(self):
-        self.lost_since_ns = None  # a hold that ends a release restarts the holding time
+        self.lost_since_ns = None  # a cancelled goal restarts slack_after_s
         pull = self.pull if self.safety.ending is None else None
         slackens = self.safety.state is State.RELEASING or (pull and pull.slackens)
         with suppress(LinearGuideDriverError):
@@ -412,7 +417,7 @@ class Tendon(RuleBasedStateMachine):
                 self.client.connect()
                 return
         self.servo.put(70, 1, 0)
-        self.servo.put(64, 1, 0)  # the torque may have been on, which a new driver does not accept
+        self.servo.put(64, 1, 0)  # a new driver may have refused a servo with its torque on
         self.connect()
 
     # -- faults --------------------------------------------------------------------------
@@ -452,7 +457,7 @@ class Tendon(RuleBasedStateMachine):
         away_mm=st.sampled_from([0, 3, 300]),
     )
     def exchange(self, is_torque_on, watchdog, away_mm):
-        """Connect another servo, perhaps one that another driver of this kind has set up."""
+        """Exchange the servo for another one, which another driver has set up."""
         self.line.unplug()
         other = VirtualServo(self.time, 1000)
         other.leave_as_a_driver(900, 900 + 65 * away_mm)
@@ -485,7 +490,7 @@ class Tendon(RuleBasedStateMachine):
     @rule(counts=st.sampled_from([-2000, -300, -70, -5]))
     def slip(self, counts):
         """Let the load turn the shaft and its goal in the direction that slackens the tendon."""
-        # a larger slip counts as a jump
+        # The driver would take a larger slip between two polls for an impossible jump.
         if not self.pull and self.slipped_counts + counts >= -2000:
             self.slipped_counts += counts
             self.servo.turn_to(self.servo.position + counts)
@@ -499,7 +504,7 @@ class Tendon(RuleBasedStateMachine):
         self.line.faults.clear()
         if self.servo.table[70] and not self.servo.table[64]:
             self.poll()
-            return  # only a restart ends this error
+            return  # only a restart of the servo ends its hardware error
         end_ns = self.now_ns + round(HEALED_S * 1e9)
         while self.now_ns < end_ns:
             self.poll()
@@ -517,7 +522,7 @@ class Tendon(RuleBasedStateMachine):
     @property
     def can_be_reached(self):
         bus = self.client._servo.bus
-        # A port that was open when the cable was pulled is lost, also with the cable back.
+        # A port that was open when the cable was unplugged stays lost.
         is_line_there = self.line.is_plugged and bus._is_open
         is_line_there = is_line_there and bus._port.opened == self.line.plugs
         if self.has_restarted or self.servo is not self.own:
@@ -529,7 +534,7 @@ class Tendon(RuleBasedStateMachine):
         return (
             self.sampled_at_ns is not None
             and then_ns - self.sampled_at_ns <= self.config.guard_timeout_s * 1e9
-            # the reading is not older than a new zero
+            # The driver discards readings that are older than a new zero.
             and self.safety.tension.live_n(then_ns) is not None
         )
 
@@ -541,12 +546,12 @@ class Tendon(RuleBasedStateMachine):
 
     @property
     def is_lost(self):
-        """Return True if a node or topic that a taut tendon needs is lost."""
+        """Whether a node or topic that a taut tendon needs is lost."""
         is_there = self.are_peers_heard() and self.activity.is_active
         return not is_there or not (self.config.unguarded or self.is_live())
 
     def note_wrong(self, check, *arguments):
-        """Record a violation; an exception would only be logged by the driver's poll."""
+        """Call ``check`` and record a failed assertion, which the driver's poll would only log."""
         try:
             check(*arguments)
         except AssertionError as error:
@@ -562,7 +567,7 @@ class Tendon(RuleBasedStateMachine):
             for field, size in find_fields(address, len(data))
         }
         self.note_wrong(self.check_write, written)
-        if written.get(98) == 0:  # the locked goal is active until the next poll
+        if written.get(98) == 0:  # an old goal is active again until the next poll
             self.strange_since_ns = self.now_ns
         if written.get(64) or 20 in written:
             self.zero_lost_counts = self.servo.lost_counts
@@ -576,7 +581,7 @@ class Tendon(RuleBasedStateMachine):
         assert self.servo is self.own, f'another servo is written to: {written}'
 
     def check_goal(self, goal, present, velocity):
-        """Check a written goal: it tightens only if a pull may, and not beyond the request."""
+        """Check that a written goal tightens only if the running pull may tighten."""
         if goal <= present + ON_THE_WAY_COUNTS:
             return
         pull = self.pull
@@ -597,7 +602,7 @@ class Tendon(RuleBasedStateMachine):
         self.check_speed(velocity)
 
     def check_motion(self):
-        """Check a shaft that has just tightened, unless its registers were changed just now."""
+        """Check the speed of a shaft that tightens, unless the test has changed its registers."""
         if self.servo is self.own and self.strange_since_ns is None:
             self.check_speed(self.servo.get(112))
 
@@ -611,9 +616,9 @@ class Tendon(RuleBasedStateMachine):
         assert 0 < self.servo.get(102, 2) <= limit, f'current {self.servo.get(102, 2)}'
 
     def note(self):
-        """Record since when there is a problem that the driver can detect."""
+        """Record when a problem began that the driver can detect; call `check_rest`."""
         is_seen = not (self.monitor.outage or self.line.faults) and self.can_be_reached
-        # While the zero is unknown, a doubtful tare is no loss: the tendon may be slack.
+        # While the zero is unknown, an unconfirmed tare is not a problem.
         is_doubted = (
             self.safety.zero is not Zero.UNKNOWN
             and self.safety.tension.find_loss(self.now_ns) is not None
@@ -626,7 +631,7 @@ class Tendon(RuleBasedStateMachine):
             self.lost_since_ns = None
         elif self.lost_since_ns is None:
             self.lost_since_ns = self.now_ns
-        # Unlike after a loss, a cancelled goal does not postpone slackening.
+        # After a stop, a cancelled goal does not postpone slackening; after a loss, it does.
         to_slack = self.pull and self.pull.slackens
         if not (is_seen and self.is_stopped and is_taut) or to_slack or self.is_busy:
             self.stopped_since_ns = None
@@ -639,7 +644,7 @@ class Tendon(RuleBasedStateMachine):
         self.check_rest()
 
     def check_rest(self):
-        """Check that the tendon is slackened above the limit and after a loss."""
+        """Check that the tendon is slackened: above the limit, after a loss and after a stop."""
         safety = self.safety
         goal_m = registers.counts_to_m(self.servo.get(116), self.config.pulley_radius_m)
         if self.above_since_ns is not None and self.now_ns - self.above_since_ns > SETTLED_NS:
@@ -695,7 +700,7 @@ def test_a_pull_that_slackens_tightens_nothing_however_late_it_is_written():
         assert 0.008 < tendon.at_m < 0.0095
         goals = []
         tendon.check_goal = lambda *what: goals.append(what)
-        lost = ['fine', 'silent']  # a read, and the write of the goal that follows it
+        lost = ['fine', 'silent']  # a read succeeds, and the following write is lost
         tendon.set_faults(['fine', *lost, *lost, *lost])
         tendon.begin(Pull(0.008))
         ((goal, present, _),) = goals
@@ -717,7 +722,7 @@ def test_a_pull_to_slack_goes_on_when_the_servo_reports_a_fault():
 
 
 class Killed(BaseException):
-    """The driver is killed."""
+    """Raised to simulate that the driver is killed."""
 
 
 @pytest.mark.parametrize('way', ['set-up', 'tripped watchdog', 'homing'])
@@ -768,6 +773,6 @@ Tendon.TestCase.settings = settings(
     max_examples=SEQUENCES,
     stateful_step_count=40,
     deadline=None,
-    # Hypothesis does not shrink a failing sequence, because each run takes too long.
+    # Without Phase.shrink, because each run takes too long.
     phases=[Phase.explicit, Phase.reuse, Phase.generate],
 )

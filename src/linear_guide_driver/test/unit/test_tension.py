@@ -19,7 +19,7 @@ CONFIG = TendonActuatorConfig(guard_timeout_s=0.25, slack_after_s=2.0)
 TAUT_M = 0.005
 PERIOD_NS = 10 * MS
 WALL_NS = 1_700_000_000_000 * MS
-"""The clock of the stamps at monotonic time 0."""
+"""Time on the clock of the stamps when the monotonic time is 0 [ns]."""
 
 SATURATED, STUCK = StrainStatus.SATURATED, StrainStatus.STUCK
 DEVICE_ERROR, RESTARTED = StrainStatus.DEVICE_ERROR, StrainStatus.RESTARTED
@@ -45,7 +45,7 @@ class Sensor:
 
 
 def run(safety, sensors, begin_ns, end_ns, displacement_m=TAUT_M):
-    """Let sensors publish, and return the orders of polls by their times."""
+    """Let sensors publish periodically; return the order of each poll by its time [ns]."""
     orders = {}
     for now_ns in range(begin_ns, end_ns, PERIOD_NS):
         for sensor in sensors:
@@ -104,7 +104,7 @@ def test_two_publishers_are_a_loss_as_long_as_both_publish(safety, first):
         safety.admit(Pull(0.006), TAUT_M, 990 * MS)
     own.tension_n = other.tension_n = 0.0
     run(safety, [own], 1000 * MS, 8000 * MS, 0.0)
-    # the loss ends after a still reading, without a command
+    # The tension becomes reliable again after a still, slack reading, without a command.
     assert safety.tension.find_loss(8000 * MS) is None
 
 
@@ -140,7 +140,7 @@ def restart_device(safety, sensor):
 
 def tare(safety, sensor):
     safety.tension.note_tare(1)
-    assert safety.tension.find_loss(0) is None  # the latched value is the earlier one
+    assert safety.tension.find_loss(0) is None  # the first tare is no change
     safety.tension.note_tare(2)
 
 
@@ -258,7 +258,7 @@ def test_what_is_no_number_hides_no_sample_above_the_limit(safety):
     assert not sensor.send(10 * MS, 1.0, math.nan)
     assert safety.tension.latest_n == 1.0
     assert sensor.send(20 * MS, math.nan, 16.0, 1.0)
-    assert sensor.send(30 * MS, math.nan, 1.0)  # no proof that the tension has fallen
+    assert sensor.send(30 * MS, math.nan, 1.0)  # does not prove that the tension has fallen
     assert safety.decide(TAUT_M, 30 * MS) is Order.RELEASE
 
 
@@ -316,7 +316,7 @@ def test_the_age_of_a_block_is_that_of_its_newest_sample_and_a_clock_may_be_unus
 
     assert is_live(100, 1000)
     assert is_live(101, 1040, count=40)
-    assert is_live(201, 1300, count=40)  # 0.16 s
+    assert is_live(201, 1300, count=40)  # newest sample is 0.16 s late
     assert not is_live(900, 5000)
     assert is_live(901, 5001, status=StrainStatus.CLOCK_STEP)
     assert is_live(902, 9000, clock_ns=None)
@@ -325,7 +325,7 @@ def test_the_age_of_a_block_is_that_of_its_newest_sample_and_a_clock_may_be_unus
 def test_stamps_that_are_wrong_for_a_moment_make_no_loss(safety):
     sensor = Sensor(safety)
     hold_taut(safety, sensor)
-    # the clock was set, and the sensor driver has not noticed yet
+    # The clock was set, and the sensor driver has not detected it yet.
     sensor.delay_ns = 3600 * 1000 * MS
     assert set(run(safety, [sensor], 10 * MS, 200 * MS).values()) == {Order.FOLLOW}
     sensor.delay_ns = 0
@@ -351,7 +351,7 @@ def test_a_sensor_that_freezes_in_a_pull_is_found_by_the_current(safety):
     safety.admit(Pull(0.02, 'abduction'), 0.0, 0)
 
     def true_n(now_ns):
-        return 50.0 * now_ns / 1e9  # a stiff finger, pulled fast
+        return 50.0 * now_ns / 1e9  # tension of a stiff finger that is pulled fast
 
     def current_a(now_ns):
         return CONFIG.to_current_a(true_n(now_ns))

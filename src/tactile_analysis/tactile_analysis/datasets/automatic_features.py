@@ -40,21 +40,21 @@ from tactile_features.feature_sets.registry import find_feature_set, list_featur
 from tactile_features.types import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 
 AUTO = 'auto'
-"""Value of an option instead of a feature set: choose one automatically."""
+"""Value of the option ``--features`` with which a feature set is chosen automatically."""
 
 Say = Callable[[str], None]
 
 SESSIONS = ('session_id', 'session', 'day')
-"""Names of session columns, in lower case."""
+"""Names of columns that contain sessions, in lower case."""
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Result of the choice for one table.
+    """Result of the automatic choice for one task and contact.
 
-    ``table`` has the features of the chosen set. ``columns`` define the held-out groups; empty for
-    random folds. ``splits`` contains the split of ``--train-where`` and ``--test-where``, if
-    given.
+    ``table`` contains the features of the chosen feature set. In the folds of the choice, trials
+    with equal values in ``columns`` were held out together; the folds were random if it is empty.
+    ``splits`` contains the split by ``--train-where`` and ``--test-where``, if they are given.
     """
 
     table: FeatureTable
@@ -79,9 +79,9 @@ def choose_automatically(
 ) -> dict[Key, Chosen]:
     """Choose feature set, classifier and scaling for each task, and report the reason.
 
-    All contacts of a task share the choice, because they share an extractor. If their trials do
-    not allow common folds, the choice is made separately. If training trials are selected, only
-    these are used.
+    All contacts of a task get the same choice, because they share a feature extractor. If groups
+    can only be held out within single contacts, each contact gets a separate choice. If training
+    trials are selected (``--train-where``), only these are used.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def choose_automatically(
     scaling : str
         The only scaling to try; if empty, all scalings are tried.
     repetitions : int, optional
-        Repetitions of random folds. Default: the number of the inner folds.
+        Repetitions of random folds. Default: as many as in the inner cross-validation.
     progress : callable
         Called as ``progress(done, total)`` after each part of the work.
     """
@@ -138,7 +138,7 @@ def choose_automatically(
 def format_choice(choice: FeatureChoice) -> str:
     """Describe the chosen candidate, its nested accuracy, and the runner-up with its cost.
 
-    The accuracy of the best candidate on the folds of the choice is optimistic and not reported.
+    The accuracy on the folds by which the candidate was chosen is optimistic, and is not reported.
     """
     chosen = choice.chosen
     several = len({each.candidate.feature_set for each in choice.ranking}) > 1
@@ -197,7 +197,7 @@ def _divide(
 ) -> list[Division]:
     """Return common folds of all tables, or separate folds if only some allow held-out groups."""
     keys = list(tables)
-    # A model is trained on the labels of one contact only.
+    # The contact becomes part of the labels, because a model is trained on one contact only.
     table = join_tables([_name_labels(key, tables[key]) for key in keys])
     try:
         return [(keys, *_hold_out(table, columns))]
@@ -233,7 +233,10 @@ def _name_labels(key: Key, tables: Tables) -> FeatureTable:
 
 
 def _hold_out(table: FeatureTable, columns: Sequence[str]) -> tuple[Split, tuple[str, ...]]:
-    """Return a split by groups and its columns; raise EvaluationError if there are no groups."""
+    """Return a split that holds out groups, and the columns that define the groups.
+
+    Raises `EvaluationError` if there are no groups.
+    """
     found = tuple(columns) or find_sessions(table)
     if not found:
         raise EvaluationError('all trials are of one session')
@@ -241,7 +244,10 @@ def _hold_out(table: FeatureTable, columns: Sequence[str]) -> tuple[Split, tuple
 
 
 def find_sessions(table: FeatureTable) -> tuple[str, ...]:
-    """Return the column of sessions, or else of blocks of trials, that can be held out."""
+    """Return the column of the sessions; if they cannot be held out, of the blocks of trials.
+
+    The result is empty if neither can be held out.
+    """
     named = [name for name in table.columns if name.lower() in SESSIONS]
     for name in (*named, 'trial_block'):
         with suppress(DatasetError, EvaluationError):
@@ -261,9 +267,10 @@ def _read_stated(trials: TrialSet, options: FeatureOptions) -> dict[Key, dict[st
 def _read_all(
     trials: TrialSet, options: FeatureOptions, say: Say
 ) -> dict[Key, dict[str, FeatureTable]]:
-    """Return the tables of all feature sets that have features for the same trials.
+    """Return a table for each feature set. All tables of a task and contact have the same trials.
 
-    Feature sets over distance are left out without a message if no sliding speeds are recorded.
+    Other feature sets are left out with a message. Feature sets over distance are left out without
+    a message if no sliding speeds are recorded.
     """
     tables: dict[Key, dict[str, FeatureTable]] = {}
     sets = (list_feature_sets(PHASE_GLIDE), list_feature_sets(PHASE_HOLD))
@@ -303,7 +310,7 @@ def _read_all(
 
 
 def _state_speeds(tables: Mapping[Key, Tables]) -> bool:
-    """Return False if the column of sliding speeds of the texture trials is empty."""
+    """Return False if texture trials have a column of sliding speeds, but no speed above 0."""
     found = [
         table.columns['glide_speed_m_s']
         for key, by_set in tables.items()

@@ -42,7 +42,8 @@ BLOCKS = 6
 """Number of blocks into which the trials of a session are divided, in order of time."""
 
 Row = tuple[FeatureWindow, TrialEvent, str, str]
-"""A labelled window, the last event of its trial before the window, bag and namespace."""
+"""A labelled window, the last event of its trial before the window, the path of the bag, and the
+namespace."""
 
 
 def compute_bag_tables(
@@ -93,7 +94,7 @@ def compute_bag_tables(
 def _add_specimens(table: FeatureTable, bags: Mapping[str, RecordedBag]) -> FeatureTable:
     """Return the table with a column of specimens, if an experiment's journal names any.
 
-    Trials without a specimen count as one more specimen of their label.
+    All trials of a label without a specimen count as one specimen, named like the label.
     """
     names = [
         bags[bag].corrections.get(trial, Correction()).specimen
@@ -106,14 +107,14 @@ def _add_specimens(table: FeatureTable, bags: Mapping[str, RecordedBag]) -> Feat
 
 
 def _list_rows(table: FeatureTable, *names: str) -> list[tuple[Any, ...]]:
-    """Return the values of these columns for each trial."""
+    """Return one tuple per trial with its values in the columns ``names``."""
     return list(zip(*(table.column(name).tolist() for name in names), strict=True))
 
 
 def _choose(
     path: str, recorded: RecordedFeatures, chosen: Fields, options: FeatureOptions
 ) -> RecordedFeatures:
-    """Return the features to compute, for full windows or early windows of the given length."""
+    """Return the features to compute: for full windows, or for early windows if requested."""
     full = RecordedFeatures(
         replace(recorded.config, early_windows=False),
         tuple(spec for spec in recorded.wanted if not spec.is_early),
@@ -128,7 +129,7 @@ def _choose(
 
 
 def _compared(features: RecordedFeatures) -> tuple[object, ...]:
-    """Return the values that must be equal in all recordings of a table."""
+    """Return the parameters of the features that must be equal in all recordings of a table."""
     digests = tuple(sorted(spec.digest for spec in features.specifications))
     return features.bound().without_detection(), digests
 
@@ -151,7 +152,7 @@ def _collect(
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
     for event in replayed.events:
         events[event.trial_id].append(event)
-    # An early window is refused later if its phase ended within the window.
+    # An early window is first accepted, and refused later if its phase ended within the window.
     refused = {
         _identify(window) for window in replayed.windows if window.outcome != WindowOutcome.OK
     }
@@ -166,7 +167,8 @@ def _collect(
             excluded = trial.why_not if trial.is_excluded else None
             event = replace(event, object_label=trial.label)
         end = _end_after(window, events[window.trial_id])
-        # The task follows from the features: a trial may have a window of the other protocol.
+        # The task is taken from the features and not from the trial, because a trial of one task
+        # can contain a window of the other task.
         key = task_of(window.feature_set), event.contact, window.specification_digest
         if window.outcome == WindowOutcome.OK and _identify(window) in refused:
             continue
@@ -192,7 +194,7 @@ def _identify(window: FeatureWindow) -> tuple[object, ...]:
 
 
 def event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
-    """Return the last event of the trial before the window; trial ids may be reused."""
+    """Return the last event before the window; ``events`` may contain trials with the same id."""
     return max(
         (event for event in events if event.stamp_ns <= window.window_start_ns),
         key=lambda event: event.stamp_ns,
@@ -200,7 +202,7 @@ def event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEv
 
 
 def _end_after(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent | None:
-    """Return the event that ended the trial after the window, or None if it was not recorded."""
+    """Return the event that ended the trial of the window, or None if it was not recorded."""
     ends = (
         event
         for event in events
@@ -239,8 +241,8 @@ def number_blocks(
 ) -> NDArray[np.intp]:
     """Divide the trials of each session and label into blocks, in order of time.
 
-    Consecutive trials share wear, temperature and drift. Random folds place them in both training
-    and test trials; holding out whole blocks keeps them together.
+    Consecutive trials are similar, because wear, temperature and drift are similar. Random folds
+    place them in both training and test trials. If whole blocks are held out, they stay together.
 
     Parameters
     ----------

@@ -83,7 +83,8 @@ def classify_recording(
     ----------
     recording : TrialSet
         For bags with trial events, features are computed again with the extractor of the live
-        node. For other recordings each trial is one window; longer trials are cut as in training.
+        node. For other recordings, each trial is one window; a trial that is longer than the
+        trials used in training is cut to their length.
     models : Path
         A model file, or a folder with model files.
     options : FeatureOptions, optional
@@ -169,7 +170,10 @@ def _check_unit(trials: TrialSet, model: TactileModel) -> None:
 def _take_channel(
     signal: Signal, model: TactileModel, options: FeatureOptions
 ) -> NDArray[np.float64]:
-    """Return the samples of the model's channel, shape (n,); of all channels: (channels, n)."""
+    """Return the samples of the model's channel, of shape (samples,).
+
+    If the model uses all channels, the shape is (channels, samples).
+    """
     channel, names = model.spec.channel, signal.channels
     if options.channel:
         asked = name_channel(options.channel, names)
@@ -188,6 +192,9 @@ def _take_channel(
 
 
 def count_right(found: Sequence[ClassifiedTrial]) -> tuple[int, int]:
-    """Return the number of correct predictions, and of trials whose label the model knows."""
+    """Return the number of correct predictions, and the number of trials that were counted.
+
+    Only trials whose label the model knows are counted.
+    """
     known = [each for each in found if each.label in each.model.labels]
     return sum(each.answer.label == each.label for each in known), len(known)

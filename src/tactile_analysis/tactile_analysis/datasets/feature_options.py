@@ -71,9 +71,9 @@ class FeatureOptions(TrialOptions):
         return {'early_windows': True, 'texture_samples': count, 'stiffness_samples': count}
 
     def check_for_bags(self) -> None:
-        """Raise `TactileError` if options for cutting trials are given.
+        """Raise `TactileError` if an option is given that bags with trial events do not allow.
 
-        They are not allowed for bags with trial events.
+        These are the options for selecting and cutting trials, the fields of `TrialOptions`.
         """
         for each in fields(TrialOptions):
             if getattr(self, each.name):
@@ -106,7 +106,8 @@ class FeatureOptions(TrialOptions):
     def splits(self, table: FeatureTable) -> tuple[Split, ...]:
         """Return the split into training and test trials; empty if they are not selected.
 
-        Raises `EvaluationError` if both share a trial, or a class occurs only in the test trials.
+        Raises `EvaluationError` if a trial is in both selections, or a label occurs only in the
+        test trials.
         """
         chosen = self.select_stated(table.columns)
         if chosen is None:
@@ -121,10 +122,10 @@ def list_sets(features: str | None) -> list[str]:
 
 
 def parse_over(text: str | None) -> dict[str, Any]:
-    """Return the fields of `FeatureConfig` from ``LENGTH:FINEST`` in millimetres.
+    """Return the fields of `FeatureConfig` from the option ``--over``, or an empty dictionary.
 
-    The result is empty for None. Raises `TactileError` if the text does not have this form, or the
-    window is too short for its finest scale.
+    ``text`` has the form ``LENGTH:FINEST``: length of the window and finest scale in millimetres.
+    Raises `TactileError` if it does not, or if the window is too short for its finest scale.
     """
     if text is None:
         return {}

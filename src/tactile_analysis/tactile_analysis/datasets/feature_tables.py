@@ -32,7 +32,8 @@ from tactile_features.types import PHASE_GLIDE, PROTOCOL_TEXTURE
 from tactile_ros.errors import TactileError
 
 Key = tuple[str, ...]
-"""Task and contact of a table, and the digest for further specifications of the same task."""
+"""Key of a table: its task and contact. If several tables have the same task and contact, the keys
+of all but the first also contain the digest of the feature specification."""
 
 Tables = dict[Key, FeatureTable]
 
@@ -42,11 +43,11 @@ Fields = Mapping[str, Any]
 NONE: Fields = MappingProxyType({})
 
 _STATED_BY_TRIALS = ('rate_hz', 'texture_samples', 'stiffness_samples')
-"""Fields of `FeatureConfig` that follow from the trials: rate and length."""
+"""Fields of `FeatureConfig` that are determined by the trials: sample rate and lengths."""
 
 
 def name_table(key: Key, table: FeatureTable) -> str:
-    """Return task and contact of a table, and the feature set if it is needed to distinguish."""
+    """Return a name of a table: task and contact, and the feature set if this is ambiguous."""
     more = [table.spec.feature_set] if len(key) > 2 else []
     return ', '.join(filter(None, (*key[:2], *more)))
 
@@ -57,7 +58,7 @@ def open_trials(
     options: FeatureOptions | None = None,
     sources: SourceOptions | None = None,
 ) -> Iterator[TrialSet]:
-    """Open recordings for their features: see `TrialSet.load` and `prepare`."""
+    """Open recordings and prepare their trials for features; see `TrialSet.load`, `prepare`."""
     options = options or FeatureOptions()
     with TrialSet.load(paths, sources) as trials:
         if options.task is None and not trials.is_own:
@@ -115,7 +116,8 @@ def compute_tables(
     Parameters
     ----------
     trials : TrialSet
-        For files, each trial is one window: cut the trials first.
+        If the trials are from files and not from bags with trial events, each trial is one
+        window. Cut such trials first.
     options : FeatureOptions, optional
         Task, channel and features.
     fields : mapping
@@ -124,8 +126,8 @@ def compute_tables(
     Returns
     -------
     tables : dict of FeatureTable
-        By task and contact. If a recording has several specifications of a task, each has a
-        table; the keys of further tables include the digest.
+        Tables by task and contact; see `Key`. If a recording has several feature specifications
+        for a task, each has a table.
     left_out : tuple of str
         One sentence per trial without features or label.
 
@@ -136,7 +138,7 @@ def compute_tables(
     """
     options = options or FeatureOptions()
     if trials.is_own:
-        from tactile_analysis.datasets.bag_features import compute_bag_tables  # readers of bags
+        from tactile_analysis.datasets.bag_features import compute_bag_tables  # slow import
 
         tables, left_out = compute_bag_tables(trials, options, fields)
     else:
@@ -160,7 +162,7 @@ def read_tables(
 
 
 def _compute_table(trials: TrialSet, options: FeatureOptions, fields: Fields) -> FeatureTable:
-    """Return the features of the trials of files, one window each."""
+    """Return the features of trials from files; each trial is one window."""
     assert options.task is not None
     config = FeatureConfig(**options.choose_fields(), early_windows=options.window_s is not None)
     config = replace(
@@ -203,7 +205,7 @@ def join_tables(tables: Sequence[FeatureTable]) -> FeatureTable:
 
 
 def needs_speed(options: FeatureOptions) -> bool:
-    """Return True if sliding speeds of the trials of files are needed or stated."""
+    """Return True if the options require or state sliding speeds of the trials."""
     config = FeatureConfig(**options.choose_fields())
     is_texture = options.task == PROTOCOL_TEXTURE
     if not is_texture and (options.over or config.feature_set(PHASE_GLIDE).needs_speed):
@@ -216,7 +218,7 @@ def needs_speed(options: FeatureOptions) -> bool:
 def speeds_of(trials: TrialSet, name: str | None) -> NDArray[np.float64]:
     """Return the sliding speed of each included trial [m/s].
 
-    The name of the column contains its unit.
+    ``name`` is the column with the speeds. It ends in the unit, ``_mm_s`` or ``_m_s``.
     """
     columns = shared_columns(trials.included)
     if name is None or name not in columns or columns[name].dtype.kind not in 'fiu':
@@ -250,8 +252,9 @@ def title(trials: TrialSet, options: FeatureOptions, key: Key, table: FeatureTab
 def find_window(trials: TrialSet, table: FeatureTable, row: int) -> tuple[Trial | None, Signal]:
     """Return the trial of a row, and the signal from which its features were computed.
 
-    Of several channels the one that the features use, or the mean. The trial is None if it is not
-    in the set, as for phases that are detected in the tension.
+    If there are several channels, the signal is the channel that the features use, or else the
+    mean of all channels. The trial is None if it is not in ``trials``; this is the case for phases
+    that were detected in the tension.
     """
     if not trials.is_own:
         trial = trials.included[row]

@@ -39,7 +39,8 @@ SESSION = 'session_id'
 class NewLabels(Result):
     """Trials whose label a model does not know; not included in the accuracy.
 
-    ``unknown_rates`` is the fraction of these trials that each model predicts as unknown [1].
+    ``unknown_rates`` contains, for each model, the fraction of these trials for which it predicts
+    "unknown" [1].
     """
 
     trials: int
@@ -56,16 +57,18 @@ class ModelEvaluation(Result):
     title : str
         Task and contact; ``SIMULATED`` if a trial is simulated.
     models : tuple of dict
-        ``path``, ``model_id``, ``feature_set``, ``labels``, and the number of trials that are
-        excluded because the model was trained on them, ``training_trials``.
+        One dictionary per model: ``path``, ``model_id``, ``feature_set``, ``labels``, and
+        ``training_trials``. The last is the number of trials that are excluded because the model
+        was trained on them.
     scores : tuple of ModelAccuracy
         One per model.
     difference : AccuracyDifference or None
-        None for one model.
+        Difference of the two models' accuracies; None if there is one model.
     trials, sessions : int
-        Number of evaluated trials, and of their sessions; 0 sessions if these are not recorded.
+        Number of evaluated trials and number of their sessions. The number of sessions is 0 if
+        sessions are not recorded.
     beside_training : int
-        Number of evaluated trials in sessions of which other trials were used in training.
+        Number of evaluated trials from sessions with other trials that were used in training.
     new_labels : NewLabels or None
     left_out : tuple of str
         One sentence per trial without features.
@@ -83,7 +86,7 @@ class ModelEvaluation(Result):
 
     @property
     def warnings(self) -> list[str]:
-        """Limits of these numbers, one sentence each."""
+        """Sentences that restrict the validity of the results."""
         found = []
         if self.beside_training:
             found.append(
@@ -132,7 +135,7 @@ def evaluate_models(
     ----------
     recording : TrialSet
     options : FeatureOptions
-        Selection of trials, and cropping of archives. Features and task follow from the models.
+        Selection of trials, and cropping of archives. Features and task are those of the models.
     paths : sequence of Path
         One or two model files.
     columns : sequence of str
@@ -202,7 +205,7 @@ def evaluate_models(
 def _check_question(
     models: Sequence[TactileModel], paths: Sequence[Path], task: str | None
 ) -> None:
-    """Raise TactileError if the models, or a model and ``--task``, have different tasks."""
+    """Raise `TactileError` if the tasks or contacts of the models, or ``--task``, differ."""
     for model, path in zip(models, paths, strict=True):
         if task not in (None, model.task):
             raise TactileError(f'{path} is a model for {model.task} trials, but --task is {task}')
@@ -219,7 +222,7 @@ def _check_question(
 def _read_table(
     recording: TrialSet, options: FeatureOptions, model: TactileModel, path: Path
 ) -> tuple[FeatureTable, tuple[str, ...]]:
-    """Return the features of a model, and the reasons for trials without features."""
+    """Return the table of a model's features, and a sentence for each trial without features."""
     spec = model.spec
     rate_hz = options.resample_hz or recording.rate_hz
     if rate_hz is not None and not is_same_rate(rate_hz, spec.rate_hz):
@@ -231,7 +234,7 @@ def _read_table(
             f'{recording.name}: train a model at this rate{remedy}'
         )
     options = replace(options, task=model.task)
-    if not recording.is_own:  # bags contain window and channel
+    if not recording.is_own:  # a bag itself states window and channel
         options = replace(
             options,
             features=spec.feature_set,
@@ -261,7 +264,7 @@ def _of_contact(table: FeatureTable, models: Sequence[TactileModel]) -> FeatureT
 def _list_rows(
     model: TactileModel, table: FeatureTable, columns: Sequence[str]
 ) -> dict[tuple[str, ...], _Row]:
-    """Index the trials by bag, namespace, name, and number of previous trials with this name."""
+    """Return the rows by bag, namespace, name, and number of earlier trials with this name."""
     seen = np.isin(table.digest_trials(), model.manifest.trial_digests)
     parts = [table.column(name) for name in columns] or [_column(table, SESSION, '')]
     sessions = ['/'.join(map(str, each)) for each in zip(*parts, strict=True)]

@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 
 CLASSIFIER = 'knn'
-"""Classifier that is compared over all splits, and with which unknown objects are evaluated: the
-default classifier of `tactile train`, with its default scaling."""
+"""Default classifier of `tactile train`. The report compares its accuracy in all splits, and
+evaluates the rejection of unknown objects with it, in both cases with its default scaling."""
 
 FALSE_ALARM_RATE = 0.05
-"""Stated rate of false rejection in the evaluation of unknown objects."""
+"""Rate of false rejection for which the rejection of unknown objects is calibrated [1]."""
 
 _Result = TypeVar('_Result')
 
@@ -96,7 +96,7 @@ class SetResult:
 
     @property
     def tested(self) -> int:
-        """Number of trials behind `headline`; each trial is tested once."""
+        """Number of trials from which `headline` was computed; each trial is tested once."""
         return int(self.headline.confusion.sum())
 
     @property
@@ -111,7 +111,7 @@ class SetResult:
 
     @property
     def name(self) -> str:
-        """The contact; the title of the recordings if the contact is not known."""
+        """Name of the contact; if it is not known, the title of the recordings."""
         return self.recordings.contact or self.recordings.title
 
     @property
@@ -163,7 +163,8 @@ class SetResult:
 
 
 Plans = dict[str, list[Plan[Any]]]
-"""The analyses of a set. The keys are the fields of `SetResult` for their results."""
+"""The planned analyses of one set of trials. Each key is the field of `SetResult` for the results
+of these analyses."""
 
 
 def _plan_set(
@@ -220,7 +221,7 @@ def _divide(
 
 
 def _plan_permutation(chosen: Chosen, folds: int, random_state: int) -> list[Plan[Any]]:
-    """Return the analysis of permuted labels, with the split that tests the automatic choice."""
+    """Return the analysis with permuted labels, in the split that tests the chosen classifier."""
     table, (_, classifier, scaling) = chosen.table, chosen.choice.chosen
     if chosen.splits:
         (split,) = chosen.splits
@@ -271,14 +272,14 @@ def _plan_selection(
 
 
 def evaluate_unknown_objects(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetEvaluation:
-    """Evaluate the rejection of unknown objects; each label is left out of the training once.
+    """Evaluate the rejection of unknown objects. Each label in turn is left out of the training.
 
     Trials that have equal values in all columns ``hold_out`` are held out together. If
     ``hold_out`` is empty, the folds are random.
 
     Raises `EvaluationError` when the trials do not allow it.
     """
-    from tactile_classifier.evaluation.open_set import evaluate_open_set  # builds models: slow
+    from tactile_classifier.evaluation.open_set import evaluate_open_set  # slow import
 
     try:
         return evaluate_open_set(
@@ -358,7 +359,7 @@ def analyse(
     jobs : int
         Number of workers as in joblib; -1 for all cores.
     progress : callable
-        Called with the number of finished tasks and of all tasks.
+        Called with the number of finished tasks and the number of all tasks.
 
     Raises
     ------

@@ -53,7 +53,7 @@ def report_path(path: Path) -> Path:
     with named_errors('write the report', file):
         file.parent.mkdir(parents=True, exist_ok=True)
         existed = file.exists()
-        file.open('a').close()  # fails now rather than after a long evaluation
+        file.open('a').close()  # raises before the evaluation, which takes long
         if not existed:
             file.unlink()
     return file

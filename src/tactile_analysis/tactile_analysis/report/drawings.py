@@ -71,7 +71,7 @@ _SMALLEST_P = 1e-16
 
 
 def draw_split_accuracies(result: SetResult) -> Drawing:
-    """Draw the accuracy of the chosen model, and of a fixed classifier for each split."""
+    """Draw the accuracy of the chosen model, and the accuracy of `CLASSIFIER` in each split."""
     usual = [usual_score(result, evaluation) for evaluation in result.evaluations]
     scores = [*reversed(usual), result.headline]
     chosen = result.headline.classifier
@@ -149,7 +149,7 @@ def draw_matrix(
         if text := percent if texts is None else texts[i][j]:
             colour = 'white' if share > 0.6 else INK
             cell = axes.text(j, i, text, ha='center', va='center', fontsize=6, color=colour)
-            cell.set_in_layout(False)  # it lies inside the axes; measuring all texts is slow
+            cell.set_in_layout(False)  # saves time: the text is inside the axes
     axes.tick_params(length=0, labelsize=7)
     axes.spines[:].set_visible(True)
     axes.spines[:].set_alpha(0.3)
@@ -245,7 +245,10 @@ def draw_reliability(result: SetResult, found: Reliability) -> Drawing:
 
 
 def draw_signals(result: SetResult) -> Iterable[Drawing]:
-    """Draw windows of one trial per label, and a whole stiffness trial, if signals are known."""
+    """Draw the window of one trial per label, and one whole stiffness trial.
+
+    Signals that are not known are not drawn.
+    """
     recordings = result.recordings
     components = find_components(recordings.table.spec)
     if recordings.examples and components is not None:
@@ -483,7 +486,7 @@ def draw_confusion(result: SetResult) -> Drawing:
 
 
 def draw_significance(results: Sequence[SetResult]) -> Iterable[Drawing]:
-    """Draw the rank-sum tests of each set: over frequency, or as matrices of pairs of objects."""
+    """Draw the rank-sum tests of each set, over frequency or as matrices of pairs of labels."""
     for result in results:
         components = find_components(result.recordings.table.spec)
         if result.of_holds:
@@ -580,7 +583,11 @@ def _short_p(p: float) -> str:
 
 
 def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
-    """Draw AUROC and misses of each left-out label, and false rejection of each fold."""
+    """Draw the results of the evaluation of unknown objects.
+
+    These are the AUROC and the rate of misses of each left-out label, and the rate of false
+    rejection of each fold.
+    """
     names = [unknown.label for unknown in found.unknown]
     rate = 100 * found.false_alarm_rate
     areas = [100 * unknown.auroc for unknown in found.unknown]

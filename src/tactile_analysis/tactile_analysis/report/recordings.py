@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sets of trials for the evaluation: table of features, choice, splits and example signals."""
+"""Sets of trials for the evaluation, each with its features, splits and example signals."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class RecordingSet:
     choice : Chosen or None
         Features and classifier that `tactile train` would choose.
     not_done : tuple of str
-        One sentence for each usual split that the trials do not allow.
+        One sentence for each split of `usual_splits` that the trials do not allow.
     unknown_objects : bool
         True if the rejection of unknown objects is to be evaluated.
     """
@@ -161,8 +161,9 @@ def make_sets(
 def usual_splits(table: FeatureTable) -> tuple[list[tuple[str, ...]], list[str]]:
     """Return the columns of each default split, and a sentence for each impossible split.
 
-    One session is held out if there are several that have all labels; otherwise one block of
-    trials. In addition, one mounting and one specimen are held out, if they are recorded.
+    The first split holds out one session, if several sessions have all labels; otherwise, it holds
+    out one block of trials. Further splits hold out one mounting or one specimen, if these are
+    recorded.
     """
     not_done: list[str] = []
 
@@ -178,7 +179,8 @@ def usual_splits(table: FeatureTable) -> tuple[list[tuple[str, ...]], list[str]]
         return [column for column in table.columns if column.lower() in names]
 
     first = next(filter(can_hold_out, (*named(*SESSIONS), *named('trial_block'))), None)
-    # If each trial has a separate mounting, random folds already hold out whole mountings.
+    # Columns with a different value in each trial are left out, because random folds already hold
+    # out whole mountings then.
     mountings = [
         column
         for column in named(*MOUNTINGS, *SPECIMENS)

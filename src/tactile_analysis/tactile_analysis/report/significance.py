@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rank-sum tests of single features: Fourier components, and sentences about pairs of labels."""
+"""Rank-sum tests of single features as sentences about Fourier components and pairs of labels."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def find_components(spec: FeatureSpec) -> Components | None:
 
 
 def format_tested_values(result: SetResult) -> str:
-    """Return which values the tests compare, as text: trials, or means of mountings."""
+    """Return a text that states what the tests compare: single trials, or means of mountings."""
     table, significance = result.recordings.table, result.significance
     values, strata = sum(significance.counts), significance.strata
     within = f', compared within {strata} sessions (van Elteren)' if strata > 1 else ''
@@ -83,7 +83,7 @@ def format_tested_values(result: SetResult) -> str:
 
 
 def format_least_p(result: SetResult) -> str | None:
-    """Return a warning if there are too few values for p below `LEVEL`, or None."""
+    """Return a warning if there are too few values for a p-value below `LEVEL`, or None."""
     least = result.significance.least_p
     if least <= LEVEL:
         return None
@@ -115,7 +115,7 @@ def format_alike_pairs(result: SetResult, components: Components) -> str:
 
 
 def list_alike_pairs(result: SetResult) -> list[str]:
-    """Return for each feature the pairs of labels between which it does not differ, as text."""
+    """Return a text for each feature, with the pairs of labels that it does not distinguish."""
     significance = result.significance
     found = []
     for name, p in zip(result.recordings.table.spec.names, significance.p, strict=True):
@@ -130,5 +130,5 @@ def list_alike_pairs(result: SetResult) -> list[str]:
 
 
 def short_name(feature: str) -> str:
-    """Return the name of a feature without its channel and set."""
+    """Return the name of a feature without its channel and feature set."""
     return feature.rpartition('__')[2]

@@ -35,7 +35,7 @@ from tactile_classifier.evaluation.reliability import Reliability
 from tactile_classifier.types import CLASSIFIER_TITLES, short_scaling
 
 SESSION = ('session_id',)
-"""Columns of the automatic choice if it holds out whole sessions."""
+"""Value of `Chosen.columns` if the automatic choice has held out whole sessions."""
 
 LIBRARIES = ('tactile_classifier', 'numpy', 'scipy', 'scikit-learn', 'matplotlib')
 
@@ -122,7 +122,7 @@ def format_model(result: SetResult) -> str:
 
 
 def format_first_sentence(result: SetResult) -> str:
-    """Return the accuracy as a sentence, with number of trials, interval and chance."""
+    """Return the accuracy as a sentence, with number of trials, interval and chance level."""
     chosen = result.recordings.choice
     assert chosen is not None
     limit = ''
@@ -147,7 +147,7 @@ def format_first_sentence(result: SetResult) -> str:
 
 
 def format_evidence(result: SetResult) -> str:
-    """Return number of trials, confidence interval and chance of the headline, as text."""
+    """Return number of trials, confidence interval and chance level of the accuracy, as text."""
     score = result.headline
     trials = f'{result.tested} trials'
     if score.spread_of == 'groups':
@@ -157,7 +157,10 @@ def format_evidence(result: SetResult) -> str:
 
 
 def format_learning_curve(result: SetResult) -> str | None:
-    """Return whether more sessions, or other groups, would help; None if there is no curve."""
+    """Return a sentence on whether more sessions (or other groups) would improve the accuracy.
+
+    Return None if there is no learning curve.
+    """
     if (curve := result.curve) is None:
         return None
     first = next(point for point in curve.points if point.groups == curve.half)
@@ -182,7 +185,7 @@ _MORE = {
 
 
 def format_reliability(result: SetResult) -> str | None:
-    """Return the calibration error of held-out probabilities; None if it is not known."""
+    """Return the calibration error of the probabilities of held-out trials; None if unknown."""
     if (found := result.reliability) is None:
         return None
     return (
@@ -236,7 +239,7 @@ def confusion_shares(score: Score) -> NDArray[np.float64]:
 
 
 def format_confusion(score: Score) -> str:
-    """Return the most frequent confusion as text: ``pla as sponge in 33 % of its trials``."""
+    """Return the most frequent confusion, such as ``pla as sponge in 33 % of its trials``."""
     shares = confusion_shares(score)
     shares *= 1 - np.eye(len(shares))
     if not shares.any():
@@ -249,7 +252,7 @@ def format_confusion(score: Score) -> str:
 
 
 def unknown_rows(found: OpenSetEvaluation) -> list[tuple[str, str]]:
-    """Return the rejection of unknown objects, and the calibration, as rows of a table."""
+    """Return the results on unknown objects and on calibration as rows of a table."""
     return [
         ('unknown objects, split', found.split),
         ('AUROC', f'{100 * found.auroc:.1f} %'),

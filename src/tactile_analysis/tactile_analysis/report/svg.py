@@ -20,7 +20,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from tactile_analysis.plots import legend_outside
 
 INK = '#1b1b1c'
-"""Placeholder for the page's text colour, which is light or dark."""
+"""Colour in the figures that `_clean` replaces by the text colour of the page."""
 
 CLASSIFIER_COLOURS = {
     'knn': '#2a78b8',
@@ -29,7 +29,7 @@ CLASSIFIER_COLOURS = {
     'tree': '#3a9d5d',
     'rocket': '#7b5aa6',
 }
-"""Distinguishable with red-green blindness, on white and on black."""
+"""Colour of each classifier. Readers with red-green blindness can distinguish the colours."""
 
 WIDTH_IN = 5.2
 """Width of the wider figures [inch]. On a screen of 390 px they are scaled by 0.7, and their text
@@ -103,7 +103,7 @@ def render(
         layout.execute(figure)
         figure.set_layout_engine('none')
         stream = io.StringIO()
-        # Unlike savefig, print_svg does not draw a figure twice that once had a layout engine.
+        # If a figure has had a layout engine, savefig would draw it twice. print_svg does not.
         metadata = {'Date': None, 'Creator': None}
         canvas = FigureCanvasSVG(figure)
         canvas.print_svg(stream, metadata=metadata)  # type: ignore[no-untyped-call]
@@ -130,7 +130,8 @@ def _clean(svg: str) -> str:
     """
     svg = svg[svg.index('<svg') :]
     svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
-    # Ids of groups are the same in every figure. Ids that are referenced are hashes and are kept.
+    # Ids of groups are the same in every figure, and are removed. Ids that are referenced within
+    # the figure are hashes, and are kept.
     svg = re.sub(r' id="(?![mp][0-9a-f]{10}")[^"]*"', '', svg)
     svg = svg.replace(INK, 'currentColor')
     svg = re.sub(r"font: ([^;\"]*?)'[^;\"]*(sans-serif)", r'font: \1\2', svg)

@@ -1,11 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of NumPy files: archives (``.npz``), ``.npy`` with labels beside it or one per trial.
+"""Trials from NumPy files.
 
-An archive contains the raw signals of many trials, their labels, the sample rate, and any number
-of further columns, which can be used to select, group or hold out trials: see `ARCHIVE`.
-Pickled objects are refused.
+These are archives (``.npz``), a ``.npy`` file of all trials with a file of labels, or one ``.npy``
+file per trial. An archive contains the raw signals of many trials, their labels, the sample rate,
+and any number of further columns, which can be used to select, group or hold out trials: see
+`ARCHIVE`. Pickled objects are refused.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from tactile_bags.trial import Trial
 from tactile_features.spec import ALL, format_rates, is_same_rate, MEAN
 
 MAX_ARCHIVE_BYTES = 2**30
-"""Larger archives are not loaded [byte]."""
+"""Largest archive that is loaded [byte]."""
 
 ARCHIVE = """an archive contains the following arrays, with one entry per trial unless stated:
   x        numbers of shape (trials, channels, samples), or (trials, samples); or X
@@ -61,9 +62,9 @@ _LABEL_SUFFIXES = ('.npy', '.txt', '.csv')
 def _load_array(path: Path) -> NDArray[Any]:
     """Return the array of a ``.npy`` file."""
     try:
-        # Memory-mapped, so that only the header is read before the size is checked.
+        # A memory map reads only the header; the data are read after the size has been checked.
         array = np.load(path, mmap_mode='r', allow_pickle=False)
-    except Exception as error:  # NumPy raises several types, and so does the file system
+    except Exception as error:  # exceptions of NumPy or of the file system
         raise SourceError(f'{path} is not a readable .npy file: {error}') from error
     if not isinstance(array, np.ndarray):
         raise SourceError(f'{path} is not a .npy file; check its suffix')
@@ -73,10 +74,11 @@ def _load_array(path: Path) -> NDArray[Any]:
 
 
 def _read_labelled_array(leaf: SourceFile, options: SourceOptions) -> dict[str, Array] | None:
-    """Return ``x`` and ``label`` of a file with one row per trial, as in an archive.
+    """Return the arrays ``x`` and ``label`` of a file with one row per trial; see `ARCHIVE`.
 
-    Returns None if there is no file of labels: the stated one, or ``NAME_labels``, ``NAME_y``,
-    ``labels`` or ``y`` beside the file, with the suffix ``.npy``, ``.txt`` or ``.csv``.
+    The labels are in another file: the file stated by the user, or ``NAME_labels``, ``NAME_y``,
+    ``labels`` or ``y`` in the same folder, with the suffix ``.npy``, ``.txt`` or ``.csv``. If
+    there is no such file, None is returned.
     """
     path = options.labels or _find_labels(leaf.path)
     if path is None:
@@ -110,8 +112,9 @@ def _read_lines(path: Path) -> NDArray[np.str_]:
 def read_array_trials(
     leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
 ) -> list[Trial]:
-    """Read ``.npy`` files: one with a row per trial and labels beside it, or one file per trial.
+    """Read ``.npy`` files: a single file with a row per trial, or one file per trial.
 
+    A single file needs a file of labels in the same folder.
     A file with one trial has the shape (samples,) or (channels, samples).
     """
     arrays = _read_labelled_array(leaves[0], options) if len(leaves) == 1 else None
@@ -150,9 +153,9 @@ def read_archive_trials(
 def _make_trials(
     leaf: SourceFile, arrays: dict[str, Array], options: SourceOptions, notes: ImportNotes
 ) -> list[Trial]:
-    """Return the trials of arrays as in an archive.
+    """Return the trials in arrays that are named as in an archive; see `ARCHIVE`.
 
-    Trials are named after the column ``trial``, or by their row, from 0.
+    Trials are named by the column ``trial``, or else by their row, from 0.
     """
     path = leaf.path
     x, label, rate_hz = _take_arrays(path, arrays, options.rate_hz, notes)
@@ -196,7 +199,7 @@ def _make_trials(
 
 def write_archive(path: Path, arrays: Mapping[str, Array]) -> None:
     """Write arrays as an archive; replace an existing file."""
-    # numpy.savez does not accept columns that have the name of one of its arguments.
+    # `numpy.savez` is not used, because columns must not be named like one of its parameters.
     with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
             with archive.open(f'{name}.npy', 'w', force_zip64=True) as member:
@@ -261,9 +264,11 @@ def _take_arrays(
 ) -> tuple[Array, Array | None, float]:
     """Remove signals, labels and sample rate [Hz] from ``arrays`` and return them.
 
-    Other common names of the arrays are accepted and noted. If there is no rate, ``rate_hz`` is
-    used. If there are no labels, None is returned, and the error is stored in ``notes.no_label``.
-    Raises SourceError if another array is missing, or if the rate differs from ``rate_hz``.
+    Arrays with other common names, such as ``X`` or ``fs``, are also accepted; a note is added.
+
+    If there is no array with the rate, ``rate_hz`` is used. If there are no labels, None is
+    returned for them, and the error is stored in ``notes.no_label``. Raises `SourceError` if
+    another array is missing, or if the rate differs from ``rate_hz``.
     """
     named = {key: _find_name(key, arrays) for key in ('x', 'label', 'rate_hz')}
     if rate_hz is not None and not named['rate_hz']:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files and bags of the given paths, and labels from their names."""
+"""Search for files and bags in given paths, and labels from the names of files and folders."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ LAYOUT = """recordings can be, all with their sample rate or with times:
 
 @dataclass
 class ImportNotes:
-    """Sentences about assumptions that were made, without repetitions.
+    """Sentences about assumptions that were made when recordings were read.
 
     ``no_label`` is the error about missing labels, with its remedy; None if all trials have
-    labels. ``rate_from_stamps`` is True if the rate of a trial was computed from its stamps.
+    labels. ``rate_from_stamps`` is True if a sample rate was computed from time stamps.
     """
 
     lines: list[str] = field(default_factory=list)
@@ -50,9 +50,10 @@ def ambiguity(
     *,
     with_layout: bool = True,
 ) -> SourceError:
-    """Return the error for a recording with a missing statement.
+    """Return the error for a recording about which the user must state something.
 
-    ``sentence`` has no full stop; ``option`` is the option of the command line with its value.
+    ``sentence`` has no full stop. ``option`` is the command-line option with which the user states
+    it, with its value.
     """
     offered = f': {", ".join(choices[:12])}' if choices else ''
     guess = f'; probably {likely}' if likely else ''
@@ -64,7 +65,9 @@ GROUP_WORDS = (
     'session', 'day', 'date', 'subject', 'participant', 'specimen', 'mounting', 'batch', 'run',
     'block', 'folder',
 )  # fmt: skip
-"""Names of groups of trials that an evaluation should hold out, the most likely one first."""
+"""Words in names of columns or folders that mean groups of trials to hold out in an evaluation.
+
+The most likely word is first."""
 
 _NUMBERING = ('id', 'no', 'nr', 'number', 'name')
 _WORDS = re.compile(r'[A-Z]+(?![a-z])|[A-Z]?[a-z]+')
@@ -74,8 +77,8 @@ _DATE = re.compile(r'\d{4}[-_.]?\d\d[-_.]?\d\d')
 def find_group_word(name: str) -> str:
     """Return the word of `GROUP_WORDS` in the name of a column or folder; empty if none.
 
-    ``subject``, ``Subject ID``, ``sessionNumber``, ``day_2`` and ``2026-11-28`` are,
-    ``session_length`` is not.
+    ``subject``, ``Subject ID``, ``sessionNumber``, ``day_2`` and ``2026-11-28`` contain such a
+    word. ``session_length`` does not count, because it is not the name of a group.
     """
     if _DATE.fullmatch(name):
         return 'date'
@@ -114,7 +117,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class SourceFile:
-    """One file or bag; ``root`` is the given path that contains it."""
+    """A file or bag with recordings. ``root`` is the path from the user in which it was found."""
 
     path: Path
     root: Path
@@ -122,7 +125,7 @@ class SourceFile:
 
     @property
     def name(self) -> str:
-        """The path relative to the given folder, with the name of that folder."""
+        """Path relative to ``root``, preceded by the name of ``root``."""
         if self.path == self.root:
             return self.path.name
         return f'{self.root.name}/{self.path.relative_to(self.root).as_posix()}'.lstrip('/')
@@ -134,14 +137,14 @@ class SourceFile:
 
     @property
     def word(self) -> str:
-        """Name of the file without suffix and number."""
+        """Name of the file without its suffix and the number at its end."""
         return _NUMBER_AT_END.sub('', self.path.stem)
 
 
 def find_leaves(paths: Sequence[Path]) -> list[SourceFile]:
-    """Return the files and bags of the given paths, sorted by name within each path.
+    """Return the files and bags in the given paths, sorted by name within each path.
 
-    Raises `SourceError` for a path that does not exist, has no known recordings, or too many.
+    Raises `SourceError` if a path does not exist, or contains no known recordings or too many.
     """
     leaves: list[SourceFile] = []
     for path in expand_lists(paths):
@@ -187,7 +190,7 @@ def _read_list(path: Path) -> Mapping[int, str]:
     except (OSError, UnicodeDecodeError):
         return {}
     named = {n: line.strip() for n, line in lines if line.strip() and line.strip()[0] != '#'}
-    # The first line of a table is not the path of an existing file.
+    # The file is a list, not a table, if its first line is the path of an existing file.
     first = next(iter(named.values()), '')
     try:
         return named if first and (path.parent / first).exists() else {}
@@ -228,9 +231,10 @@ def _walk(path: Path, root: Path) -> Iterator[SourceFile]:
 def name_labels(
     leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
 ) -> list[dict[str, str]]:
-    """Return the label of each file, and other named groups of a pattern in its path.
+    """Return the label of each file, and other columns that follow from its path.
 
-    If the names do not contain labels, the labels are empty and ``notes.no_label`` has the reason.
+    Other columns are, for example, the named groups of the pattern ``label_from``. If the names do
+    not contain labels, the labels are empty, and ``notes.no_label`` is the error with the reason.
     """
     if options.label:
         notes.add(f'label: "{options.label}" for all, as stated')
@@ -275,7 +279,10 @@ def name_labels(
 
 
 def _find_shared_word(folders: Sequence[str]) -> str:
-    """Return the group word of several folders, such as day1 and day2, or an empty string."""
+    """Return the word of `GROUP_WORDS` that all folders share, such as "day" of day1 and day2.
+
+    Return an empty string if there is none.
+    """
     words = {find_group_word(name) for name in folders}
     return words.pop() if len(words) == 1 and len(set(folders)) > 1 else ''
 
@@ -296,7 +303,7 @@ def _how_labelled(leaves: Sequence[SourceFile], *, folders_are_groups: bool) -> 
 
 
 def _match(pattern: re.Pattern[str], leaf: SourceFile) -> dict[str, str]:
-    # For a file that was given itself, the folder is part of the path to match.
+    # If the user has stated the path of the file itself, the pattern also sees its folder.
     path = leaf.name if leaf.path != leaf.root else f'{leaf.folder}/{leaf.path.name}'
     found = pattern.search(path)
     if found is None:
@@ -314,7 +321,7 @@ def _name_some(names: Sequence[str]) -> str:
 
 
 def decode_text(data: bytes) -> str:
-    """Return the text of a file: UTF-8 or UTF-16 by its byte order mark, otherwise Latin-1."""
+    """Decode the text of a file: UTF-16 with byte order mark, UTF-8, or else Latin-1."""
     if data[:2] in (b'\xff\xfe', b'\xfe\xff'):
         return data.decode('utf-16')
     try:
