@@ -294,7 +294,7 @@ class TendonSafety:
             return self.zero is Zero.UNKNOWN and self.tension.reads_slack(slack_n, now_ns)
 
     def is_at_rest(self, displacement_m: float, now_ns: int) -> bool:
-        """Return True if the tendon is slack at this displacement [m], FREE, and not pulled."""
+        """Return True if the tendon is slack at this displacement [m] and nothing moves it."""
         with self._lock:
             is_free = self._pull is None and self.state is State.FREE
             return is_free and self.is_slack(displacement_m, now_ns)
@@ -521,7 +521,7 @@ class TendonSafety:
         return is_reached or self.tension.is_above(self.limit_n, now_ns)
 
     def _find_loss(self, is_slack: bool, now_ns: int) -> Refusal | None:
-        """Return why the tendon must be held: Stop, or a lost node or topic. None if neither."""
+        """Return why the tendon must be held (Stop, or a lost node or topic), or None."""
         pull = self._pull if self.ending is None else None
         if pull is not None and not pull.slackens and (stop := self._latch.find_loss(now_ns)):
             return stop
@@ -530,7 +530,7 @@ class TendonSafety:
         return self._find_need_loss(now_ns)
 
     def _find_need_loss(self, now_ns: int) -> Refusal | None:
-        """Return why a taut tendon must not stay taut: which needed node or topic is lost."""
+        """Return which of the nodes and topics that a taut tendon needs is lost, or None."""
         if loss := find_loss(self._watches, now_ns):
             return loss
         if not self._needs_samples(self._pull or Pull(0.0)):

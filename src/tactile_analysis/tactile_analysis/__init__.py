@@ -20,8 +20,8 @@ For example::
 
     classify_recording(trials, Path('models'))  # the label of each trial, by model files
 
-The commands ``tactile import``, ``features``, ``train``, ``evaluate``, ``classify``, ``export``
-and ``report`` call these functions and print the results.
+The commands ``tactile import``, ``features``, ``train``, ``evaluate``, ``classify`` and ``export``
+call these functions and print the results.
 """
 
 from __future__ import annotations

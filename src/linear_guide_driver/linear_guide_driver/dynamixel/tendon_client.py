@@ -125,7 +125,7 @@ class TendonActuatorClient:
     safety : TendonSafety
         State machine that checks every motion. Pass it the samples of the tension.
     recoveries : int
-        Number of times that the bus watchdog stopped the servo and the driver restarted it.
+        Number of times that the bus watchdog stopped the servo and the driver cleared the stop.
     """
 
     def __init__(

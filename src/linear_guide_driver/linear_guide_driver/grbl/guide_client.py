@@ -187,7 +187,7 @@ class LinearGuideClient:
     last_move : MotionSummary or None
         Speed and lag of the last finished move; None if there were too few reports.
     late_moves : int
-        Number of moves that took longer than computed. A late glide was not steady.
+        Number of moves that took longer than computed. Their speed was not constant.
     """
 
     def __init__(
@@ -252,7 +252,7 @@ class LinearGuideClient:
         DeviceConnectionError
             If no Grbl controller answers.
         DeviceRefusedError
-            If a setting of the controller would silently change a glide.
+            If a setting of the controller would silently change the motion.
         """
         self.close()
         self._connection, self._settings = self._open()

@@ -33,7 +33,7 @@ SHORT_MOVE = MoveGuide.Goal(position_m=0.02, speed_m_s=0.1)
 """A move that shows that a driver works again."""
 
 PIECE_MM = 0.3
-"""Distance that exceeds one piece of `MOVE` [mm]. A move is sent in pieces of 0.25 s / 19."""
+"""Distance that exceeds one piece of `MOVE` [mm]. A piece lasts 0.25 s / 19, at 20 mm/s."""
 
 
 class Driver:

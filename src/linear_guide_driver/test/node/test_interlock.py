@@ -75,7 +75,7 @@ def test_with_a_taut_tendon_the_guide_moves_in_a_glide_only(guide, grbl, servo, 
     for send_goal in (home, lambda bench: move(bench, 0.05)):
         guide.aborts(send_goal(guide), 'ros2 service call /tendon_actuator/release')
     assert (grbl.mpos, len(grbl.lines)) == before, 'nothing was sent to the controller'
-    assert guide.result(move(guide, 0.02, allow_taut=True))[0] == 'succeeded'  # a glide
+    assert guide.result(move(guide, 0.02, allow_taut=True))[0] == 'succeeded'  # glides on a plate
     assert guide.call('/tendon_actuator/release').success
     wait_until(lambda: servo.position == 2048)
     assert guide.result(move(guide, 0.01))[0] == 'succeeded'

@@ -190,7 +190,7 @@ def test_an_emergency_stop_latches_when_it_is_pressed_and_when_it_is_lost(
         emergency_stop_topic='/robot/emergency_stop',
         emergency_stop_timeout_s=1.0,
     )
-    # With this QoS (transient local and reliable), a subscription of any QoS is compatible.
+    # The node must also hear a publisher that is transient local and reliable.
     profile = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = bench.peer.create_publisher(Bool, '/robot/emergency_stop', profile)
     bench.aborts(pull(bench, TAUT_M), '/robot/emergency_stop')

@@ -189,7 +189,7 @@ class ScriptedGrbl(PtyPeer):
             was_moving = self.is_moving
             self._moves.append((float(match[1]), float(match[2]) / 60))
             self.say(b'ok\r\n')
-            if not was_moving:  # a dwell that finds the stepper buffer empty leaves Grbl in Idle
+            if not was_moving:  # Grbl still reports Idle after the first ok
                 self.say(b'<Idle|MPos:%.3f,0,0|FS:0,0>\r\n' % self.mpos)
         else:
             self.say(b'ok\r\n')

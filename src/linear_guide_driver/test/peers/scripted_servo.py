@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A Dynamixel XM430 behind a pty: Protocol 2.0 written from the e-Manual, not from the SDK."""
+"""A simulated Dynamixel XM430 behind a pty. It implements Protocol 2.0 without the SDK."""
 
 import struct
 import termios

@@ -18,7 +18,7 @@ EXCHANGE_NS = 1_000_000
 """Duration of a request and its answer [ns]."""
 
 TIMEOUT_NS = 36_000_000
-"""Time for which the SDK waits for an answer at 1 Mbaud [ns]: a little over two latency timers."""
+"""Time for which the SDK waits for an answer at 1 Mbaud [ns]: about twice its latency timer."""
 
 LATE_NS = 70_000_000
 """Delay of a late answer [ns], which therefore arrives after the next request."""

@@ -10,7 +10,7 @@ import pytest
 from linear_guide_driver.grbl.guide_client import MotionTrack
 
 START_NS = 1_700_000_000_000_000_000
-GLIDE = (0.060, 0.125, 0.015)  # the texture protocol
+GLIDE = (0.060, 0.125, 0.015)  # start and end [m] and speed [m/s] of a texture trial
 
 
 def reports(start_m, target_m, speed_m_s, *, rate_hz=10.0, phase=0.3, ramp_s=0.0, pause=None):

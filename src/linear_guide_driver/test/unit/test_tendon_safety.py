@@ -155,7 +155,7 @@ def test_samples_are_needed_while_taut_and_silence_ends_in_slack(safety):
     assert safety.decide(TAUT_M, 250 * MS) is Order.FOLLOW
     assert safety.decide(TAUT_M, 251 * MS) is Order.HOLD
     assert 'sample' in safety.reason
-    feed(safety, [1.0], 300 * MS)  # too late: a new command is needed
+    feed(safety, [1.0], 300 * MS)  # too late: only a new command ends the loss
     assert safety.decide(TAUT_M, 2250 * MS) is Order.HOLD
     assert safety.decide(TAUT_M, 2251 * MS) is Order.RELEASE
 
@@ -197,7 +197,7 @@ def test_slackening_that_was_stopped_needs_samples_as_any_taut_tendon_does(safet
     safety.admit(Pull(0.0), TAUT_M, 0)
     assert safety.decide(TAUT_M, 1000 * MS) is Order.FOLLOW
     safety.hold(0)
-    assert safety.decide(TAUT_M, 1001 * MS) is Order.HOLD  # the goal has not ended yet
+    assert safety.decide(TAUT_M, 1001 * MS) is Order.HOLD  # the pull has not been finished yet
     assert 'sample' in safety.reason
     assert safety.decide(TAUT_M, 3001 * MS) is Order.RELEASE
 
@@ -491,7 +491,7 @@ def test_a_new_zero_is_judged_anew():
     safety = make_unconfirmed()
     feed(safety, [2.0], 0)
     with pytest.raises(MotionRefusedError, match='wait'):
-        safety.admit(Pull(TAUT_M), 0.0, 0)  # admitted even without a poll in between
+        safety.admit(Pull(TAUT_M), 0.0, 0)  # refused even without a poll in between
     safety.set_zero(Zero.UNCONFIRMED)
     assert safety.tension.live_n(0) is None
     sense(safety, 2.0, 0.0, 500 * MS)

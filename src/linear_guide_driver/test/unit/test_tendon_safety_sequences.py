@@ -631,7 +631,7 @@ class Tendon(RuleBasedStateMachine):
             self.lost_since_ns = None
         elif self.lost_since_ns is None:
             self.lost_since_ns = self.now_ns
-        # After a stop, a cancelled goal does not postpone slackening; after a loss, it does.
+        # A cancelled goal postpones slackening after a loss, but not after a stop.
         to_slack = self.pull and self.pull.slackens
         if not (is_seen and self.is_stopped and is_taut) or to_slack or self.is_busy:
             self.stopped_since_ns = None

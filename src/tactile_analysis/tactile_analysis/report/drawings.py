@@ -447,9 +447,9 @@ def _draw_bars(axes: Axes, results: Sequence[SetResult], scaling: str) -> None:
 
 
 def draw_confusion(result: SetResult) -> Drawing:
-    """Draw the confusion matrices of the first split.
+    """Draw the confusion matrices of the evaluation `SetResult.plain`.
 
-    There is a row per classifier and a column per scaling.
+    The figure has a row per classifier and a column per scaling.
     """
     labels = result.plain.labels
     best = max(result.plain.scores, key=lambda score: score.mean)
@@ -542,7 +542,7 @@ def draw_p_matrices(result: SetResult) -> Drawing:
         for axes, name, p, auc in zip(
             panels, names, significance.p, significance.auc, strict=True
         ):
-            # p-values above the diagonal, AUC below it.
+            # The texts above the diagonal are p-values, and the texts below it are AUCs.
             texts = [
                 [_short_p(p[i, j]) if i < j else f'{auc[i, j]:.2f}' for j in range(len(p))]
                 for i in range(len(p))
