@@ -3,7 +3,7 @@
 
 """Interlock that keeps the guide at rest while the tendon is taut.
 
-If the guide moved with a taut tendon, it would drag the finger along.
+If the guide moved while the tendon is taut, it would drag the finger along.
 
 The tendon actuator decides whether its tendon is slack (`judge_slack`) and publishes a report.
 The guide keeps the last report in a `TendonInterlock`, which refuses motion unless the tendon is

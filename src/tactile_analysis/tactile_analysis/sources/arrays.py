@@ -199,7 +199,7 @@ def _make_trials(
 
 def write_archive(path: Path, arrays: Mapping[str, Array]) -> None:
     """Write arrays as an archive; replace an existing file."""
-    # `numpy.savez` is not used, because columns must not be named like one of its parameters.
+    # `numpy.savez` is not used: it cannot store an array with the name of one of its parameters.
     with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
             with archive.open(f'{name}.npy', 'w', force_zip64=True) as member:
