@@ -186,7 +186,7 @@ class Motions:
             except StopIteration as end:
                 return None if self._end() else end.value
             if self.is_stopping:
-                self._end()  # a further stop would brake the device when it is at rest already
+                self._end()  # a second stop must not brake a device that is at rest
                 return None
             if new is not None:
                 on_progress(new)

@@ -189,7 +189,7 @@ class MotionNode(PollingNode):
     device = 'device'
     """Name of the device in messages."""
 
-    is_quiet = False  # its callbacks may wait for the device, so it needs a separate executor
+    is_quiet = False  # callbacks may wait for the device, so the node needs its own executor
 
     def __init__(self, node_name: str, config_class: type, **node_options: Any) -> None:
         super().__init__(node_name, config_class, **node_options)

@@ -177,7 +177,10 @@ def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
 
 
 def compute_piece_s(run_on_s: float, planner_blocks: int) -> float:
-    """Return the duration of one piece [s] such that ``run_on_s`` [s] are sent in advance."""
+    """Return the duration of one piece of a move [s].
+
+    With this duration, the controller receives ``run_on_s`` [s] of motion in advance.
+    """
     waiting_lines = RECEIVE_BYTES // len(encode_move(-100.0, 1000.0))
     return max(SHORTEST_PIECE_S, run_on_s / (planner_blocks + waiting_lines))
 
