@@ -82,7 +82,7 @@ Where = str | ArrayLike
 class TrialSet:
     """Trials of one or several recordings. A context manager; after closing, nothing can be read.
 
-    Make one by `load`. All other methods return another set and leave this one unchanged.
+    `load` creates a set. Methods that change trials return another set.
 
     Attributes
     ----------
@@ -131,8 +131,9 @@ class TrialSet:
         paths : path or sequence of paths
             Paths of recordings, all of the same kind.
         options : SourceOptions, optional
-            Statements that complete the recording; bags of this package need none. Labels that
-            are unknown are empty, and `windows` raises an error that says how to state them.
+            Facts that the recording does not contain, such as its rate; bags of this package
+            need none. Unknown labels are empty, and `windows` raises an error that says how to
+            state them.
 
         Raises
         ------
@@ -218,9 +219,9 @@ class TrialSet:
 
     @property
     def notes(self) -> list[str]:
-        """Unknown facts as the first line, then assumptions and processing steps, then exclusions.
+        """Sentences on unknown facts, assumptions, processing steps and excluded trials.
 
-        Trials that `skipped` lists are not repeated.
+        Trials that `skipped` lists are not included.
         """
         unknown = [] if self.unit else ['unit of the signal (--unit N)']
         if not self.is_own and not any(trial.signal.rate_hz for trial in self.trials):
@@ -241,7 +242,7 @@ class TrialSet:
 
         ``trial``, ``label``, ``session``, ``mounting``, ``contact``, ``task``, ``simulated``,
         ``source`` and ``why_not`` always exist. Other properties follow, such as
-        ``glide_speed_m_s``. Where only some trials have a property, the others have None.
+        ``glide_speed_m_s``. If only some trials have a property, its value is None for the others.
         """
         trials = self.trials
         found: dict[str, list[Any]] = {
@@ -326,7 +327,7 @@ class TrialSet:
         )
 
     def find_window(self, source: str, namespace: str, name: str, start_ns: int) -> Trial | None:
-        """Return the trial of a window in a bag; None if the trial is not in this set.
+        """Return the trial that contains a window of a bag; None if it is not in this set.
 
         ``start_ns`` is the start of the window (ROS time) [ns].
         """
@@ -353,7 +354,7 @@ class TrialSet:
         return mask
 
     def _change(self, trials: Sequence[Trial], *steps: str, is_changed: bool = True) -> TrialSet:
-        """Return a set with these trials; ``steps`` describe the processing."""
+        """Return a copy of this set with other trials; ``steps`` are sentences for `notes`."""
         found = copy(self)
         found.trials = tuple(trials)
         found.is_changed = self.is_changed or is_changed
@@ -396,7 +397,7 @@ class TrialSet:
             first = next((f', first {trial.why_not}' for trial in self), '')
             raise SourceError(f'{self.name}: no trial of {len(self)} can be used{first}')
         rate_hz = choose_rate(included)
-        if self.is_own:  # other trials were checked when they were read
+        if self.is_own:  # other recordings were checked when they were read
             faults = [find_time_fault(trial.signal.time_s, rate_hz) for trial in included]
             found = {i: fault for i, fault in enumerate(faults) if fault}
             if found:
@@ -446,10 +447,11 @@ class TrialSet:
         )
 
     def crop(self, start_s: float, stop_s: float, *, skip_bad: bool = False) -> TrialSet:
-        """Return a set with the time from ``start_s`` to before ``stop_s`` of each trial.
+        """Return a set with the samples from ``start_s`` to before ``stop_s`` of each trial.
 
-        Raises SourceError if a trial ends before ``stop_s``, unless ``skip_bad`` is set, and if
-        all trials are shorter, or no sample remains.
+        If ``skip_bad`` is True, trials that end before ``stop_s`` are excluded; otherwise, they
+        raise SourceError. SourceError is also raised if all trials are shorter, or if no sample
+        remains.
         """
         whole = self.even(skip_bad=skip_bad)
         rate_hz = whole.included[0].signal.rate_hz
@@ -487,7 +489,7 @@ class TrialSet:
         )
 
     def drop(self, bad: Mapping[int, str], *, skip_bad: bool) -> TrialSet:
-        """Return a set without unusable trials; ``bad`` maps indices in `included` to reasons.
+        """Exclude unusable trials; ``bad`` maps indices in `included` to reasons.
 
         Raises SourceError if ``skip_bad`` is not set, or no trial remains.
         """
@@ -514,7 +516,7 @@ class TrialSet:
         )
 
     def add_step(self, sentence: str) -> TrialSet:
-        """Return the same set with a sentence on its processing in `notes`."""
+        """Return a copy of this set with another sentence on its processing in `notes`."""
         return self._change(self.trials, sentence, is_changed=False)
 
     def _map(self, change: Callable[[Signal], Signal], *steps: str) -> TrialSet:
@@ -618,7 +620,7 @@ class TrialSet:
             build_long_table,  # pyarrow is slow to import
         )
 
-        # Only archives state a rate; otherwise the times show it.
+        # Only archives state a rate. In other recordings, it follows from the times.
         is_stated = self.kind == SourceKind.ARCHIVE.value
         return build_long_table(self.name_trials(), self.rate_hz if is_stated else None)
 
@@ -640,7 +642,7 @@ def _to_column(values: Sequence[Any]) -> NDArray[Any]:
 
 
 def _find_common(values: Sequence[Value]) -> Value | None:
-    """Return the value that all have in common, or None."""
+    """Return the first value if all values are equal, otherwise None."""
     return values[0] if values and len(set(values)) == 1 else None
 
 
@@ -690,11 +692,12 @@ def _name_trials(names: Sequence[str] | NDArray[Any]) -> str:
 def _open_own(leaves: Sequence[SourceFile], options: SourceOptions) -> list[RecordedBag]:
     """Open and return the bags that have trial events.
 
-    If ``options.topic`` is set, there are none: bags are then read like other recordings.
+    If ``options.topic`` is set, no bags are opened, because they are read like recordings of other
+    software.
     """
     if options.topic or not any(leaf.kind is SourceKind.BAG for leaf in leaves):
         return []
-    from tactile_bags.recorded_bag import correct_bags, RecordedBag  # they import rosbags
+    from tactile_bags.recorded_bag import correct_bags, RecordedBag  # imports rosbags
 
     with ExitStack() as stack:
         own: list[RecordedBag] = []
@@ -734,7 +737,7 @@ def _read_others(
 ) -> list[Trial]:
     """Return the trials of recordings of other software."""
     if kind is SourceKind.TABLE:
-        from tactile_analysis.sources.table_trials import read_table_trials  # pyarrow is slow
+        from tactile_analysis.sources.table_trials import read_table_trials  # slow to import
 
         return read_table_trials(leaves, options, notes)
     if kind is SourceKind.BAG:
@@ -755,8 +758,9 @@ def _examples(leaves: Sequence[SourceFile]) -> str:
 
 
 def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]:
-    """Return a mask of the trials with ``COLUMN=VALUE[,VALUE...]``, or with a true ``COLUMN``.
+    """Return a mask of the trials that meet a condition.
 
+    ``text`` is ``COLUMN=VALUE[,VALUE...]``, or the name of a column that must be True.
     Raises `TactileError` if the column does not exist, the value is invalid for the column, or no
     trial is selected.
     """

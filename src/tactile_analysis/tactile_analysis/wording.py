@@ -26,7 +26,7 @@ def format_interval(interval: Interval) -> str:
 
 
 def name_candidate(candidate: Candidate) -> str:
-    """Return the display name of feature set, classifier and scaling."""
+    """Return a display name that contains feature set, classifier and scaling."""
     title = CLASSIFIER_TITLES[candidate.classifier]
     return f'{candidate.feature_set} with {title}, {short_scaling(candidate.scaling)}'
 
@@ -39,7 +39,7 @@ def format_span(interval: Interval) -> str:
 
 
 def format_nested(choice: FeatureChoice) -> str:
-    """Return the nested accuracy of the automatic choice as text."""
+    """Return a text with the accuracy of the automatic choice in nested cross-validation."""
     nested = choice.nested
     coverage = format_coverage(nested.spread_of, [nested.mean], chosen=True)
     return (

@@ -30,7 +30,8 @@ _RECONNECTED, _CLOCK_STEP = int(StrainStatus.RECONNECTED), int(StrainStatus.CLOC
 """Status bits as integers, because operations on an `IntFlag` are slow."""
 
 MAX_GAPS = 10_000
-"""Largest number of gaps that are stored. The samples of a stored gap may still arrive late."""
+"""Largest number of gaps that are stored. If samples of a stored gap arrive late, they are counted
+as late instead of lost."""
 
 
 class _SampleRun(NamedTuple):
@@ -89,13 +90,13 @@ class _StreamCounts:
         self._segment: tuple[int, int] | None = None
 
     def follow(self, before: _SampleRun) -> None:
-        """Begin counting after this run, without counting the run itself."""
+        """Begin counting after the run ``before``, without counting its samples."""
         self._next = before.sequence + before.size
         self._status = before.status
         self.end_ns = before.end_ns
 
     def stop_before(self, after: _SampleRun) -> None:
-        """End counting before this run; count the samples that are missing before it."""
+        """End counting before the run ``after``; count the samples that are missing before it."""
         if self._next is not None and after.sequence > self._next:
             self._lose(after.sequence - self._next, after.sequence)
 
@@ -124,7 +125,10 @@ class _StreamCounts:
         self._take_new(run)
 
     def _take_late(self, run: _SampleRun) -> None:
-        """Add a run that begins before the next expected number: late, duplicate or partly new."""
+        """Add a run that begins before the next expected sequence number.
+
+        Its samples may be late, duplicate or new.
+        """
         assert self._next is not None
         old = min(run.size, self._next - run.sequence)
         late = self._fill(run.sequence, run.sequence + old)
@@ -155,7 +159,7 @@ class _StreamCounts:
 
     def _take_new(self, run: _SampleRun) -> None:
         if self._next is not None:
-            # The driver may know of more lost samples than the sequence numbers show.
+            # The driver may report more lost samples than are missing in the sequence numbers.
             self._lose(max(run.sequence - self._next, run.lost_before), run.sequence)
             self.largest_step_ns = max(self.largest_step_ns, run.stamp_ns - self.end_ns)
         if run.status & ~self._status & _RECONNECTED:
@@ -172,7 +176,7 @@ class _StreamCounts:
         self.end_ns = run.end_ns
 
     def _close_segment(self) -> None:
-        """Count the duration and the samples since the last restart of the sequence numbers."""
+        """End a segment between two restarts of the sequence numbers; add it to the totals."""
         steps, span_ns = self._of_segment()
         self._steps += steps
         self._span_ns += span_ns
@@ -195,8 +199,8 @@ EVENT_DELAY_S = 10.0
 """If an event arrives later than this after its samples, its trial cannot be audited [s]."""
 
 CLOCK_STEP_S = 1.0
-"""If a stamp is this far before the previous one, the clock was stepped, even if the status bit is
-not set [s]."""
+"""If a stamp is earlier than the previous one by more than this time [s], the clock was set, even
+if no status bit reports it."""
 
 MAX_STEPS = 100
 """Number of clock steps that are stored for events that arrive late."""
@@ -205,8 +209,9 @@ MAX_STEPS = 100
 class _HostClock:
     """Conversion of stamps to stream time.
 
-    Stream time is the time of the host's clock without its steps. In stream time, samples before
-    and after a clock step are comparable.
+    The host's clock can be set while it is recorded, which is called a clock step. Stream time is
+    the time of the host's clock with all steps removed, so that stamps before and after a step are
+    comparable.
     """
 
     def __init__(self) -> None:
@@ -217,7 +222,7 @@ class _HostClock:
         self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)
 
     def take(self, run: _SampleRun) -> _SampleRun:
-        """Return the next run in stream time."""
+        """Convert the stamps of the next run to stream time."""
         last = self._last
         step_ns = 0
         if last is None or not _is_late(run, last):
@@ -232,8 +237,8 @@ class _HostClock:
     def time_of_event(self, stamp_ns: int, latest_ns: int | None) -> int:
         """Convert the stamp of an event to stream time [ns].
 
-        Shortly after a step, an event may have a stamp from before or from after the step. The
-        shift is used that puts the event closest to the latest sample.
+        Shortly after a clock step, the stamp of an event may be from before or after the step. The
+        result is the possible time that is closest to the latest sample, at ``latest_ns``.
         """
         if latest_ns is None:
             return stamp_ns - self._shift_ns
@@ -246,7 +251,8 @@ class _HostClock:
 def _is_late(run: _SampleRun, last: _SampleRun) -> bool:
     """Return True if a run comes after runs with higher sequence numbers.
 
-    If its stamps do not fit its sequence numbers, the stream was restarted; the run is not late.
+    If its stamps do not fit its sequence numbers, the sequence numbers were restarted, and the run
+    is not late.
     """
     if run.sequence >= last.sequence + last.size:
         return False
@@ -261,7 +267,7 @@ def _clock_step(run: _SampleRun, last: _SampleRun) -> int:
     is_behind = run.stamp_ns < last.end_ns - round(CLOCK_STEP_S * 1e9)
     if not is_marked and not is_behind:
         return 0
-    # If the sequence numbers were restarted, the number of samples in between is unknown.
+    # If the sequence numbers were restarted, the number of samples between the runs is unknown.
     steps = max(last.size, run.sequence - last.sequence)
     return run.stamp_ns - last.stamp_of(steps)
 
@@ -303,10 +309,10 @@ class _TrialCounts:
 
 
 LONGEST_STEP_S = 0.1
-"""Two consecutive samples that are further apart than this and three periods are a finding [s]."""
+"""If two samples are further apart than this time [s] and three periods, this is a finding."""
 
 MOST_NOTED = 100
-"""Largest number of failed trials in the metadata of a bag."""
+"""Largest number of failed trials that the metadata of a bag list."""
 
 
 @dataclass(frozen=True)
@@ -473,12 +479,12 @@ def summarise_audits(audits: Iterable[Audit]) -> dict[str, Any]:
 
 
 MAX_BLOCKS = 100_000
-"""Largest number of blocks that are stored for late events. If blocks are very small, they cover
+"""Largest number of sample blocks that are stored for late events. Very small blocks may cover
 less than `EVENT_DELAY_S`."""
 
 MAX_TRIALS = 1000
-"""Largest number of trials that wait for samples. If there are more, the oldest trial is audited
-without these samples."""
+"""Largest number of trials whose last samples have not arrived. If there are more, the oldest
+trial is audited without waiting."""
 
 
 class FingerAuditor:
@@ -501,7 +507,7 @@ class FingerAuditor:
         self._recent: deque[_SampleRun] = deque()
         self._latest_ns: int | None = None  # in stream time, like all times below
         self._gone_ns: int | None = None
-        self._trials: deque[_TrialCounts] = deque()  # all except the last have ended
+        self._trials: deque[_TrialCounts] = deque()  # only the last may be running
 
     def add_block(self, block: StrainBlock) -> list[Audit]:
         """Add samples; return the audits of the trials that are complete now."""
@@ -517,7 +523,8 @@ class FingerAuditor:
         )
         run = self._clock.take(stamped)
         if run.step_ns > 0:
-            # An event after the step, but before this block, seemed to lie in the future.
+            # If an event was stamped after the clock step, but arrived before this block, its
+            # stream time was too late.
             for trial in self._trials:
                 trial.start_ns = min(trial.start_ns, run.stamp_ns)
                 trial.end_ns = min(trial.end_ns, run.stamp_ns)
@@ -528,9 +535,9 @@ class FingerAuditor:
         return self._take_complete()
 
     def _let_go(self, before_ns: int) -> None:
-        """Discard runs before ``before_ns``, to which no later event can refer.
+        """Discard stored runs before ``before_ns``, because no later event can refer to them.
 
-        Before that, the runs are counted for the trials that still wait for samples.
+        First, they are counted for the trials that are still waiting for samples.
         """
         while self._recent:
             run = self._recent[0]
@@ -559,7 +566,7 @@ class FingerAuditor:
         return self._take_complete()
 
     def finish(self) -> list[Audit]:
-        """Return the audits of the trials that still wait, and then of the whole recording."""
+        """Return the audits of trials that were not audited yet, and of the whole recording."""
         audits = []
         while self._trials:
             self._trials[0].is_over = True
@@ -568,7 +575,7 @@ class FingerAuditor:
 
     def _take_complete(self) -> list[Audit]:
         audits = []
-        # If a sample after the end of a trial has arrived, so have all samples of the trial.
+        # A trial is complete if a sample after its end has arrived.
         while self._trials and self._trials[0].is_over:
             is_complete = self._latest_ns is not None and self._latest_ns > self._trials[0].end_ns
             if not is_complete and len(self._trials) <= MAX_TRIALS:
@@ -603,7 +610,7 @@ def audit_open_bag(bag: TactileBag) -> list[Audit]:
         for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=finger)):
             if message.type_name == STRAIN:
                 audits += auditor.add_block(record)
-            elif message.topic.endswith(EVENT_TOPIC.name):  # without the detected events
+            elif message.topic.endswith(EVENT_TOPIC.name):  # not the detected events
                 audits += auditor.add_event(record)
         audits += auditor.finish()
     return audits

@@ -46,10 +46,10 @@ MAX_UNPACKED_BYTES = 4 * 2**30
 """Largest data file that is unpacked to disk from a bag of compressed files [byte]."""
 
 MAX_OPEN_BYTES = 256 * 2**20
-"""Largest total size of chunks that overlap in time [byte]."""
+"""Largest total size of chunks that are open at the same time, because they overlap [byte]."""
 
 _Place = tuple[int, int]
-"""Position of a segment: index of the file, and index of the segment in the file."""
+"""Position of a `Segment`: index of the file, and index of the segment in the file."""
 
 _SUFFIXES: dict[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
 
@@ -74,7 +74,7 @@ class BagMessage:
         """
         try:
             message = self.store.deserialize_cdr(self.data, self.type_name)
-        except Exception as error:  # the decoder does not check its input
+        except Exception as error:  # invalid input can raise any error
             raise BagError(f'a message on {self.topic} is damaged: {error}') from error
         if not self.is_of_another_release:
             return message
@@ -82,7 +82,7 @@ class BagMessage:
 
     @property
     def is_of_another_release(self) -> bool:
-        """True if the bag contains another definition of its type than the installed one."""
+        """True if the definition of the message in the bag differs from the installed one."""
         return self.store is not message_store()
 
 
@@ -243,7 +243,7 @@ class TactileBag:
                     self._stored[topic.name] = store
 
     def _compare_counts(self, metadata: BagMetadata) -> str | None:
-        """Compare the numbers of messages in the files with the numbers that the bag states.
+        """Compare the numbers of messages in the files with the statistics and the metadata.
 
         Returns a sentence about the first difference, or None if they agree.
         """
@@ -262,7 +262,8 @@ class TactileBag:
                         f'its statistics state {stated[number]}: it was damaged after it was '
                         'closed'
                     )
-        # The copy in a data file may describe the whole bag or only a part of it.
+        # Without metadata.yaml, counts are not compared: the copy of it in a data file may
+        # describe the whole bag or only a part of it.
         for name, count in (metadata.counts if self._has_metadata else {}).items():
             if there[name] != count:
                 return (
@@ -321,7 +322,7 @@ class TactileBag:
         return tuple(sorted(name[: -len(suffix)].strip('/') for name in names))
 
     def _finger_of(self, topic: str, namespaces: tuple[str, ...]) -> str | None:
-        """Return the longest namespace of a finger that contains a topic, or None."""
+        """Return the innermost namespace of a finger that contains a topic, or None."""
         around = [name for name in namespaces if topic.startswith(join_topic(name, ''))]
         return max(around, key=len, default=None)
 
@@ -431,7 +432,8 @@ class _MergedFiles:
     def messages(self, names: Collection[str]) -> Iterator[tuple[int, StoredTopic, bytes]]:
         """Yield arrival time [ns], topic and bytes of the messages on some topics."""
         sources = (self._sources(n, file, names) for n, file in enumerate(self._files))
-        # The place of a source is unique, so later elements of the tuples are never compared.
+        # heapq compares tuples. The position of a segment is unique, so the elements after it are
+        # never compared.
         waiting = heapq.merge(*sources, key=lambda source: source[:2])
         due = next(waiting, None)
         opened: list[tuple[int, _Place, Message, Iterator[Message]]] = []
@@ -449,7 +451,7 @@ class _MergedFiles:
     def _sources(
         self, number: int, file: McapFile | SqliteFile, names: Collection[str]
     ) -> Iterator[tuple[int, _Place, Iterator[Message]]]:
-        """Yield start, place and messages of each segment of a file, in the order of time."""
+        """Yield first arrival time, position and messages of each segment of a file, in order."""
         channels = {n for n, topic in file.topics.items() if topic.name in names}
         if isinstance(file, SqliteFile):
             yield 0, (number, 0), file.messages(channels)

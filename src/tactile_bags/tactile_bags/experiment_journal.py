@@ -116,7 +116,7 @@ def _add_up(entries: Iterable[Mapping[str, Any]]) -> dict[str, Correction]:
             excluded.pop(trial_id, None)
         elif kind == 'relabelled':
             labels[trial_id] = str(entry['label'])
-            if specimens.get(trial_id):  # another object: its specimen is unknown, use its label
+            if specimens.get(trial_id):  # the specimen of the new label is unknown
                 specimens[trial_id] = labels[trial_id]
     found = {}
     for trial_id, verdict in verdicts.items():

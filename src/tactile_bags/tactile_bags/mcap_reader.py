@@ -31,7 +31,7 @@ from tactile_bags.errors import BagError
 MAGIC = b'\x89MCAP0\r\n'
 
 METADATA_NAME, METADATA_KEY = 'rosbag2', 'serialized_metadata'
-"""Name under which rosbag2 stores a copy of ``metadata.yaml`` in the file."""
+"""Name and key of the metadata record in which rosbag2 stores a copy of ``metadata.yaml``."""
 
 MAX_CHUNK_BYTES = 64 * 2**20
 """Largest chunk that is unpacked, and largest message [byte]; rosbag2 writes 0.75 to 4 MiB."""
@@ -43,13 +43,13 @@ MAX_METADATA_BYTES = 4 * 2**20
 """Largest ``metadata.yaml`` and largest copy of it within a file [byte]."""
 
 MAX_SEGMENTS = 500_000
-"""Largest number of segments (chunks and runs outside chunks); each needs 200 bytes of memory."""
+"""Largest number of segments in a file, each of which needs 200 bytes of memory; see `Segment`."""
 
 MAX_CHANNELS = 1_000_000
-"""Largest total number of channels in all different sets of channels that segments contain."""
+"""Largest total size of the sets of channels of all segments; equal sets are counted once."""
 
 RUN_BYTES = 2**20
-"""Messages outside chunks are read in runs of about this size [byte]."""
+"""Approximate size in which consecutive messages outside chunks are read at a time [byte]."""
 
 MAX_RECORD_BYTES = 2**20
 """Largest message definition and largest description of a channel [byte]."""
@@ -62,7 +62,7 @@ MAX_OPCODE, MIN_PRIVATE_OPCODE = 0x0F, 0x80
 _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
 _PACKING_OFFSET = _RECORD.size + 28
-_CHUNK_HEAD_BYTES = _PACKING_OFFSET + 4 + 8  # if the chunk is not compressed
+_CHUNK_HEAD_BYTES = _PACKING_OFFSET + 4 + 8  # of a chunk without compression
 _MESSAGE_CODE = int(Opcode.MESSAGE)
 _TAKEN = {
     Opcode.SCHEMA,
@@ -98,7 +98,7 @@ class StoredTopic:
 
 
 class Segment(NamedTuple):
-    """A part of the file that is read at a time: a chunk, or a run of records outside chunks.
+    """A part of a file that is read at a time: a chunk, or consecutive messages outside chunks.
 
     ``first_ns`` and ``last_ns`` are the earliest and the latest arrival time [ns]. ``size`` is the
     uncompressed size [byte]. ``is_packed`` is True for a compressed chunk.
@@ -113,7 +113,7 @@ class Segment(NamedTuple):
 
 
 class _Index(NamedTuple):
-    """Contents of some records.
+    """Summary of consecutive records.
 
     ``counts`` contains the number of messages of each channel. ``first_ns`` and ``last_ns`` are
     the earliest and the latest arrival time [ns]. ``size`` is the end of the last record [byte].
@@ -159,7 +159,7 @@ class McapFile:
         self._definition_bytes = 0
         self._is_in_partial_chunk = False
         self._channel_sets: dict[frozenset[int], frozenset[int]] = {}
-        self._channel_count = 0  # total of all these sets
+        self._channel_count = 0  # total size of all these sets
         self._file: BinaryIO = path.open('rb')
         try:
             self._size = self._file.seek(0, io.SEEK_END)
@@ -190,7 +190,7 @@ class McapFile:
         return self._file.read(size)
 
     def _head(self, position: int) -> tuple[int, int, int]:
-        """Return opcode, length and end of the record at a position."""
+        """Return opcode, length and end position of the record at a position."""
         head = self._read(position, _RECORD.size).ljust(_RECORD.size, b'\0')
         opcode, length = _RECORD.unpack(head)
         return opcode, length, position + _RECORD.size + length
@@ -217,7 +217,7 @@ class McapFile:
                 if opcode == 0 or end > self._size:
                     if opcode != Opcode.CHUNK or not self._is_partial(position, end):
                         break
-                    end = position + _CHUNK_HEAD_BYTES  # continue with the records in it
+                    end = position + _CHUNK_HEAD_BYTES  # continue with the records in the chunk
                 elif opcode == _MESSAGE_CODE:
                     end = self._take_run(position, length)
                 elif opcode == Opcode.FOOTER:
@@ -245,8 +245,8 @@ class McapFile:
     def _is_partial(self, position: int, end: int) -> bool:
         """Return True if only a part of an uncompressed chunk was written to the disk.
 
-        The end of such a chunk is missing, or the file system has filled the end of the file with
-        zeros. If any other chunk has a wrong checksum, it was changed.
+        The end of such a chunk is missing, or consists of zeros that the file system has added.
+        Returns False for any other invalid chunk, because such a chunk was damaged later.
         """
         if self._claims_end or self._read(position + _PACKING_OFFSET, 4) != bytes(4):
             return False
@@ -256,7 +256,7 @@ class McapFile:
     def _take(self, opcode: int, offset: int, length: int) -> None:
         """Process the contents of a record that is not a message."""
         if opcode == Opcode.METADATA and length > MAX_METADATA_BYTES:
-            return  # rosbag2 has not written it: its metadata are shorter
+            return  # not written by rosbag2, whose metadata are shorter
         if opcode not in _TAKEN:
             if MAX_OPCODE < opcode < MIN_PRIVATE_OPCODE:
                 raise BagError(f'records of type {opcode} are unknown')
@@ -279,7 +279,7 @@ class McapFile:
                 self.metadata = metadata.metadata.get(METADATA_KEY, '')
         elif opcode == Opcode.STATISTICS:
             counts = _decode(Statistics.read, contents).channel_message_counts
-            self.stated_counts = +Counter(counts)  # without zeros
+            self.stated_counts = +Counter(counts)  # the plus sign removes zero counts
         elif opcode == Opcode.DATA_END:
             self._check_data(offset - _RECORD.size, _decode(DataEnd.read, contents))
         else:
@@ -293,8 +293,8 @@ class McapFile:
         if not self._claims_end:
             behind = self._read(position + index.size, _RECORD.size)
             if not any(behind) and (behind or self._is_in_partial_chunk):
-                # The file system wrote zeros instead of data, so the last message may be
-                # incomplete.
+                # After a power cut, zeros may replace the end of the data, so the last message may
+                # be incomplete.
                 data = data[: index.size]
                 there = len(data.rstrip(b'\0'))
                 whole = max((e for _, _, e in _records(data) if e <= there), default=0)
@@ -305,7 +305,7 @@ class McapFile:
         return position + index.size
 
     def _keep(self, offset: int, index: _Index, packed: bool) -> None:
-        """Store position and contents of a segment."""
+        """Store the position and the summary of a segment."""
         if not index.counts:
             return
         if unknown := sorted(index.counts.keys() - self.topics.keys()):
@@ -405,10 +405,10 @@ def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def _index_of(data: bytes, learn: Callable[[int, bytes], None] | None = None) -> _Index:
-    """Return the index of the records before the first incomplete record.
+    """Return a summary of the records before the first incomplete record.
 
-    ``learn`` is called with each definition. If it is None, the index ends before the first record
-    that is not a message.
+    ``learn`` is called with each schema and channel record. If it is None, the summary ends before
+    the first record that is not a message.
     """
     counts: dict[int, int] = {}
     first_ns, last_ns, size = 2**64, 0, 0
@@ -416,7 +416,7 @@ def _index_of(data: bytes, learn: Callable[[int, bytes], None] | None = None) ->
         if opcode == _MESSAGE_CODE:
             if end - start < _MESSAGE.size:
                 if learn is None and counts:
-                    break  # it is the first record of the next index
+                    break  # the next call reports it
                 raise BagError('a message is shorter than its own header')
             channel, _, received_at_ns, _ = _MESSAGE.unpack_from(data, start)
             counts[channel] = counts.get(channel, 0) + 1

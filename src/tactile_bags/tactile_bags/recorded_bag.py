@@ -59,9 +59,9 @@ class RecordedBag(TactileBag):
             raise self._damage
 
     def _keep(self, type_names: Sequence[str]) -> bool:
-        """Read the messages of all types that have a record into memory, once.
+        """Read the messages of all types in `RECORDED_TYPES` into memory, if not done before.
 
-        Return False if a requested type cannot be in memory, or the bag is too large.
+        Return False if a requested type cannot be decoded, or the bag is too large.
         """
         known = [name for name in RECORDED_TYPES if name not in self._foreign]
         size_bytes = sum(file.path.stat().st_size for file in self._files)

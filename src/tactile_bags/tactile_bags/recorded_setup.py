@@ -47,7 +47,7 @@ class RecordedFeatures:
 
     @property
     def specifications(self) -> tuple[FeatureSpec, ...]:
-        """The specifications of the windows."""
+        """The feature specifications of the recorded windows."""
         return self.wanted or tuple(spec_for(task, self.config) for task in PHASE_OF_TASK)
 
     def bound(self) -> FeatureConfig:
@@ -128,7 +128,7 @@ def _read_json(text: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
-        return text  # `_read_config` refuses it
+        return text  # `_read_config` refuses text
 
 
 def _read_config(values: Mapping[str, Any]) -> FeatureConfig:

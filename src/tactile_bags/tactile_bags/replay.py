@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Replay of a recording through the plain core, and comparison with the recorded results.
+"""Replay of a recording without nodes, and comparison with the recorded results.
 
 `replay_through_core` uses the same objects as the nodes, without a ROS graph.
 `tactile_lab.replay_nodes` does the same with real nodes.
@@ -94,8 +94,9 @@ def sensed_messages(bag: TactileBag, namespace: str = '') -> Iterator[BagMessage
 def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
     """Return, for each event before the first sample, True if its trial preceded the recording.
 
-    This is assumed if the trial ended before the first sample, and its events arrived in less than
-    half of the time between their stamps, as latched events do.
+    A trial preceded the recording if it ended before the first sample, and its events arrived much
+    faster than they were stamped (in less than half of the time). Latched events of past trials
+    arrive in this way when the recorder subscribes.
     """
     begin_ns = first_sample_ns(bag, namespace)
     stamps_ns: dict[str, list[int]] = {}
@@ -121,7 +122,7 @@ def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
 
 @dataclass
 class ReplayedPhases:
-    """Windows and phases that the feature core computes from recorded samples and events.
+    """Windows and phases that are computed from recorded samples and events.
 
     ``windows`` are in the order of their completion. ``made_at_ns`` is the same as in
     `TactileResults`. ``events`` are the recorded phases, or the phases that were detected in the
@@ -137,7 +138,7 @@ class ReplayedPhases:
 def replay_phases(
     bag: TactileBag, features: RecordedFeatures, namespace: str = '', *, finish: bool = False
 ) -> ReplayedPhases:
-    """Compute the windows and phases of a recording with the plain core.
+    """Compute the windows and phases of a recording without nodes.
 
     If ``finish`` is True, windows that were incomplete at the end of the recording are also
     returned, as windows without features.
@@ -172,7 +173,7 @@ def replay_through_core(
     features: RecordedFeatures,
     namespace: str = '',
 ) -> TactileResults:
-    """Compute the features and classifications of a finger with the plain core, without nodes."""
+    """Compute the features and classifications of a finger without nodes."""
     replayed = replay_phases(bag, features, namespace)
     results = TactileResults(replayed.windows, made_at_ns=replayed.made_at_ns)
     if models is not None:
@@ -189,7 +190,7 @@ ROUNDING = 1e-9
 """Largest relative difference between a recorded and a computed number."""
 
 TAIL_S = 1.0
-"""Results that became complete within this time before the end of a recording may be missing."""
+"""Time before the end of a recording in which results may be missing [s]."""
 
 Result = FeatureWindow | WindowPrediction
 
@@ -264,9 +265,10 @@ def compare_with_recorded(
 
 
 def _tail(more: TactileResults, fewer: TactileResults, from_ns: int) -> list[Result]:
-    """Return the results at the end of one pass that the other pass does not have.
+    """Return the results at the end of ``more`` that ``fewer`` does not have.
 
-    If one of these results became complete before ``from_ns``, none of its kind are returned.
+    If one of these results became complete before ``from_ns``, no results of its kind (see
+    `_by_kind`) are returned.
     """
     found: list[Result] = []
     kinds = _by_kind(fewer)

@@ -36,7 +36,7 @@ class SqliteFile:
         self.topics: dict[int, StoredTopic] = {}
         self.counts: Counter[int] = Counter()
         self.stated_counts: Counter[int] = Counter()
-        self.is_finished = True  # SQLite itself rolls back unfinished transactions
+        self.is_finished = True  # SQLite rolls back unfinished transactions
         self.metadata = ''
         self.damage: str | None = None
         self.newest_ns = self.unread_bytes = 0

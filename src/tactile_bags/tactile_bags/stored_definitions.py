@@ -35,7 +35,7 @@ def store_of_definition(topic: StoredTopic, type_hash: str) -> Typestore | None:
                 return None
         store.register(types)
         return store if store.hash_rihs01(topic.type_name) == type_hash else None
-    except Exception:  # the parser does not check its input
+    except Exception:  # invalid text can raise any error
         return None
 
 

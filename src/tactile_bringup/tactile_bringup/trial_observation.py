@@ -12,7 +12,10 @@ from tactile_bringup.trial_protocols import TrialConfig
 from tactile_ros.refusal import Refusal
 
 REST_SPEED_M_S = 0.0005
-"""Largest speed of a tendon at rest: two steps of the servo's speed with a pulley of 10 mm."""
+"""Largest reported speed of a tendon at rest [m/s].
+
+It equals two steps of the servo's speed with a pulley of 10 mm.
+"""
 
 FAST_M_S = 0.005
 """Lowest speed of a pull whose reported speed distinguishes motion from rest [m/s].
@@ -21,13 +24,13 @@ It is twice the largest step of the servo's speed: 0.229 rpm is 2.4 mm/s with a 
 """
 
 STILL_NS = 250_000_000
-"""Time without approach after which a slow pull is at rest [ns].
+"""If a slow pull has not come closer to its target for this time [ns], the tendon is at rest.
 
 A servo at its lowest speed, 0.229 rpm, moves by one of its 4096 counts in 64 ms.
 """
 
 CLOCK_STEP_NS = 1_000_000_000
-"""Largest decrease of stamps that is not a clock step [ns]."""
+"""If stamps decrease by more than this, the clock was set back [ns]."""
 
 
 class TendonContact:
@@ -46,7 +49,7 @@ class TendonContact:
     rest_ns : int or None
         Stamp of the first state at rest at the displacement [ns]; None until rest is detected.
     error_m : float
-        Largest error of the displacement since then [m].
+        Largest error of the displacement since ``rest_ns`` [m].
     last_m : float
         Displacement of the last state [m].
     """
@@ -55,13 +58,13 @@ class TendonContact:
         self.end()
 
     def begin(self, displacement_m: float, tolerance_m: float) -> None:
-        """Start to watch a pull to ``displacement_m`` [m] and the contact after it."""
+        """Begin to check a pull to ``displacement_m`` [m] and the contact after it."""
         self.end()
         self._tolerance_m = tolerance_m
         self._wanted_m: float | None = displacement_m
 
     def end(self) -> None:
-        """Stop watching, because the tendon will be slackened."""
+        """End the check, because the tendon will be slackened."""
         self._wanted_m = None
         self.rest_ns: int | None = None
         self.error_m = self.last_m = 0.0
@@ -87,7 +90,7 @@ class TendonContact:
             self.error_m = max(self.error_m, error_m)
 
     def _find_rest(self, stamp_ns: int, error_m: float, speed_m_s: float) -> int | None:
-        """Return the start of rest of the tendon [ns], or None if it is not at rest."""
+        """Return the time at which the tendon came to rest [ns], or None if it is not at rest."""
         self._fastest_m_s = max(self._fastest_m_s, speed_m_s)
         if error_m > self._tolerance_m:
             self._least_error_m = math.inf
@@ -119,21 +122,21 @@ class TendonContact:
 
 
 class GuideRest:
-    """Detector of a guide that moves while the finger touches an object.
+    """Detector of motion of the guide while it should be at rest and the finger touches an object.
 
-    States from before the guide came to rest may arrive late; they are ignored.
+    Late states from before the guide came to rest are ignored.
     """
 
     def __init__(self) -> None:
         self.end()
 
     def begin(self, position_m: float) -> None:
-        """Start to watch a guide at rest at a position [m]."""
+        """Begin to check that the guide stays at a position [m]."""
         self.end()
         self._rest_m: float | None = position_m
 
     def end(self) -> None:
-        """Stop watching, because the guide may move."""
+        """End the check, because the guide is allowed to move."""
         self._rest_m = None
         self._was_there = False
         self._away_m: float | None = None

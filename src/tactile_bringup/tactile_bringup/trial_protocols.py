@@ -224,15 +224,15 @@ def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
 
 def longest_trial_s(config: TrialConfig, request: TrialRequest) -> float:
     """Return the longest duration of a trial [s]: motions, waits and all timeouts."""
-    total_s = config.server_timeout_s  # until the drivers are ready
-    # A taut tendon is slackened first.
+    total_s = config.server_timeout_s  # wait for the drivers
+    # A tendon that is taut before the trial is slackened first.
     total_s += 2 * config.server_timeout_s
     total_s += config.displacement_m(request.contact) / config.pull_speed_m_s
     for step in trial_steps(config, request):
         if isinstance(step, WaitStep):
             total_s += step.duration_s
             continue
-        # Two timeouts for each motion: to accept the goal, and to cancel it.
+        # Accepting the goal of a motion and cancelling it can each take one timeout.
         total_s += 2 * config.server_timeout_s
         if isinstance(step, TendonStep):
             total_s += config.displacement_m(request.contact) / step.speed_m_s

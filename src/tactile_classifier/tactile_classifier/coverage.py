@@ -13,14 +13,14 @@ is below the nominal one, because the folds share most of their training trials;
 docs/evaluation.md."""
 
 COVERAGE_OF_CHOICE = (0.87, 0.88)
-"""The same for the nested accuracy of an automatic choice [1]."""
+"""Minimum and maximum of the coverage measured for nested accuracies of automatic choices [1]."""
 
 
 def format_coverage(spread_of: str, means: Iterable[float], *, chosen: bool = False) -> str:
     """Return the measured coverage of intervals of accuracies as a clause, or an empty string.
 
     The coverage is known for intervals over held-out groups (``spread_of`` is ``groups``). The
-    exact binomial interval, which is used if all groups are at 0 or 100 %, was not included.
+    exact binomial interval, which is used if all groups are at 0 or 100 %, was not measured.
     ``chosen`` is True for the nested accuracy of an automatic choice.
     """
     if spread_of != 'groups' or all(mean in (0.0, 1.0) for mean in means):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of bags of other software: one trial per bag, from one topic with a force."""
+"""Trials from bags of other software: each bag is one trial, read from one topic with a force."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def _read_fields(
     messages: Sequence[Any],
     received_ns: Sequence[int],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return values of shape (channels, samples) and their stamps [ns]."""
+    """Return the values of the fields, shape (channels, samples), and their stamps [ns]."""
     if type_name == STRAIN:
         if list(fields) != ['tension_n']:
             raise SourceError(f'--field: {type_name} has tension_n')
@@ -150,7 +150,7 @@ def _stamp_ns(message: Any, received_at_ns: int) -> int:
 
 
 def _unit(type_name: str, field: str) -> str:
-    """Return the unit in the definition of the message; empty if it states none."""
+    """Return the unit that a message type defines for a field; empty if it defines none."""
     if type_name == STRAIN:
         return 'N'
     if type_name != WRENCH:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of sources other than our bags, and signals at one even rate."""
+"""Trials from sources other than bags of this package, and their signals at a constant rate."""
 
 from __future__ import annotations
 
@@ -21,21 +21,24 @@ from tactile_bags.trial import mean_period_s, Signal, Trial
 from tactile_features.config import round_rate
 
 GAP_PERIODS = 3.5
-"""Longest pause that is interpolated, in sample periods: up to two samples are lost."""
+"""Longest time between two samples that is interpolated, in sample periods.
+
+Up to two samples in between may be lost.
+"""
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference between a stated rate and the rate of the stamps."""
+"""Largest relative difference between a stated rate and the rate computed from the stamps."""
 
 NEWTONS = {
     'N': 1.0, 'mN': 1e-3, 'uN': 1e-6, 'µN': 1e-6, 'kN': 1e3, 'g': 9.80665e-3, 'kg': 9.80665,
 }  # fmt: skip
-"""Units of force, converted to newtons [N]; g and kg are weights at standard gravity."""
+"""Factors from units of force to newtons. Values in g and kg are weights at standard gravity."""
 
 LARGEST_N = 1e6
 """Values above this limit are implausible as tension of a tendon [N]."""
 
 MAX_MAGNITUDE = 1e100
-"""Largest accepted absolute value, in its unit; squares of larger ones could overflow."""
+"""Largest accepted absolute value of a signal, because squares of larger values could overflow."""
 
 _MAX_FACTOR = 10_000  # at this factor, the resampling filter has 100,000 taps on each side
 
@@ -63,17 +66,18 @@ def make_trial(
     values : ndarray of shape (channels, samples)
         Numbers of any type; they are converted to float64 when the signal is read.
     time_s : ndarray of shape (samples,), or None
-        Times with an arbitrary zero [s]; None if the source has no times.
+        Times from an arbitrary zero [s]; None if the source has no times.
     columns : mapping
         Known properties of the trial: ``label``, ``source`` and others.
     options : SourceOptions
         States the unit and the rate, if the source does not.
     notes : ImportNotes
-        Conversions are added.
+        Record of the import, to which conversions of units are added.
     source : str
         File or bag; default: the column ``source``.
     channels, units : tuple of str
-        Name and unit of each channel. Empty if unknown; single units may be empty, too.
+        Name and unit of each channel. Both are empty if they are unknown. A single unknown unit
+        is an empty string.
     rate_hz : float, optional
         Sample rate that the source states [Hz].
 
@@ -167,7 +171,7 @@ def _find_fault(
 
 
 def find_time_fault(time_s: Floats | None, rate_hz: float | None) -> str:
-    """Return why times cannot be brought to an even rate [Hz]; empty if they can."""
+    """Return why samples at these times cannot be used at a constant rate; empty if they can."""
     if time_s is None or rate_hz is None:
         return ''
     if not np.isfinite(time_s).all():
@@ -184,9 +188,10 @@ def find_time_fault(time_s: Floats | None, rate_hz: float | None) -> str:
 def _find_rate_fault(
     option_hz: float | None, file_hz: float | None, period_s: float | None
 ) -> str:
-    """Return which rates contradict each other; empty if none do.
+    """Return a sentence about two rates that contradict each other; empty if all rates agree.
 
-    These are the rates of the options and of the file [Hz], and the period of the stamps [s].
+    The rates are ``option_hz`` from the options, ``file_hz`` from the file, and the rate of stamps
+    with the mean period ``period_s``.
     """
     stamps_hz = 1.0 / period_s if period_s else None
     stated = [('--rate-hz says', option_hz), ('the file says', file_hz)]
@@ -202,7 +207,10 @@ def _find_rate_fault(
 
 
 def choose_rate(trials: Sequence[Trial]) -> float:
-    """Return the sample rate of all trials [Hz]; raise SourceError if there is none."""
+    """Return the common sample rate of trials [Hz].
+
+    Raises SourceError if a rate is unknown, or if the rates differ.
+    """
     rates = [trial.signal.rate_hz for trial in trials]
     silent = [trial.name for trial, rate_hz in zip(trials, rates, strict=True) if not rate_hz]
     if silent:
@@ -221,10 +229,10 @@ def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
     """Return each rate [Hz] with the indices of its trials; the most frequent rate comes first."""
     left, groups = np.arange(len(rates)), []
     while len(left):
-        usual = np.sort(rates[left])[len(left) // 2]  # unlike np.median, the rate of a real trial
+        usual = np.sort(rates[left])[len(left) // 2]  # np.median could be the rate of no trial
         is_same = np.abs(rates[left] / usual - 1.0) <= RATE_TOLERANCE
         same = rates[left[is_same]]
-        is_exact = bool((same == same[0]).all())  # for example, stated by an archive
+        is_exact = bool((same == same[0]).all())  # for example, if an archive states the rate
         rate_hz = float(same[0]) if is_exact else round_rate(float(np.median(same)))
         groups.append((rate_hz, left[is_same]))
         left = left[~is_same]
@@ -232,7 +240,7 @@ def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
 
 
 def _format_rates(groups: Sequence[tuple[float, Sequence[Trial]]]) -> str:
-    """Return each rate with its files, or with its trials if a file has several rates."""
+    """Return a text with the files of each rate, or its trials if a file has several rates."""
     sources = [{trial.source for trial in trials} for _, trials in groups]
     is_of_one_rate = len(set().union(*sources)) == sum(map(len, sources))
     parts = []
@@ -244,10 +252,10 @@ def _format_rates(groups: Sequence[tuple[float, Sequence[Trial]]]) -> str:
 
 
 def make_even(signal: Signal, rate_hz: float) -> Signal:
-    """Return the signal at an even rate [Hz].
+    """Return the signal at a constant rate [Hz].
 
-    Samples are unchanged if their stamps are even within half a period; otherwise they are
-    interpolated linearly. The times must increase.
+    If all times are within half a period of a constant rate, the samples are not changed.
+    Otherwise, they are interpolated linearly. The times must increase.
     """
     time_s, count = signal.time_s, signal.values.shape[1]
     assert time_s is not None, 'the rate is known'
@@ -262,7 +270,7 @@ def make_even(signal: Signal, rate_hz: float) -> Signal:
 
 
 def resample(signal: Signal, rate_hz: float) -> Signal:
-    """Return an even signal at another rate [Hz], by `scipy.signal.resample_poly`.
+    """Resample a signal of constant rate to another rate [Hz] with `scipy.signal.resample_poly`.
 
     The anti-aliasing filter has linear phase and no delay. It uses a Kaiser window with beta 5 and
     extends over ten periods of the slower rate on each side. Beyond both ends, the signal is
@@ -280,7 +288,7 @@ def resample(signal: Signal, rate_hz: float) -> Signal:
 
 
 def find_ratio(old_hz: float, new_hz: float) -> tuple[int, int]:
-    """Return the factors by which `resample` raises and lowers the rate [Hz]."""
+    """Return the factors of upsampling and of downsampling from one rate to another."""
     ratio = Fraction(new_hz / old_hz).limit_denominator(_MAX_FACTOR)
     up, down = ratio.numerator, ratio.denominator
     if not 0 < up <= _MAX_FACTOR or abs(old_hz * up / down / new_hz - 1) > 1e-9:
@@ -294,7 +302,7 @@ def find_ratio(old_hz: float, new_hz: float) -> tuple[int, int]:
 def join_columns(trials: Sequence[tuple[Trial, str]]) -> dict[str, NDArray[Any]]:
     """Return the columns that every trial has, including the label and the name of the trial.
 
-    ``trials`` are trials with their names.
+    ``trials`` contains pairs of a trial and its name.
     """
     found = shared_columns([trial for trial, _ in trials])
     found['trial'] = np.array([name for _, name in trials])
@@ -311,5 +319,5 @@ def shared_columns(trials: Sequence[Trial]) -> dict[str, NDArray[Any]]:
     ]
     found = {name: np.array([trial.columns[name] for trial in trials]) for name in names}
     if 'session' in found and 'session_id' not in found:
-        found['session_id'] = found.pop('session')  # the name that splits require
+        found['session_id'] = found.pop('session')  # the name in feature tables
     return found

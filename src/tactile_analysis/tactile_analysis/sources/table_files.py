@@ -1,9 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables read with pyarrow: columns of CSV and Parquet files; trials as one long table.
+"""Reader of CSV and Parquet files with pyarrow, and conversion of trials to one long table.
 
-The format of a text table is stated, not guessed; cells with another format are errors.
+The format of a text table is not guessed: options state it, and cells in another format are
+errors.
 """
 
 from __future__ import annotations
@@ -32,22 +33,22 @@ MAX_TABLE_BYTES = 2**30
 """Largest file or table that is read [byte]."""
 
 CHECKED_ROWS = 1000
-"""Number of rows of a text column that are searched for numbers in another format."""
+"""Number of rows in which a text column is searched for numbers that were not recognised."""
 
 METADATA_KEY = b'tactile'
-"""Metadata entry of a table with the statements of `TrialSet.to_table`, as JSON."""
+"""Key of the metadata entry of a table in which `TrialSet.to_table` stores the rate, as JSON."""
 
 UNIT, ROLE = b'unit', b'role'
-"""Metadata entries of a column."""
+"""Keys of the metadata entries of a column."""
 
 _FIRST = ('trial', 'label', 'session_id', 'mounting_id')
-"""First columns of a long table."""
+"""Columns that come first in a long table, which has one row per sample."""
 
 _UNITS_OF_ENDINGS = (('_mm_s', 'mm/s'), ('_m_s', 'm/s'))
 """Units of columns by the suffix of their names."""
 
 _CODE_BYTES = 8
-"""Largest size of a number in NumPy, or of a code of a dictionary [byte]."""
+"""Largest size of a number in NumPy, or of a code in a dictionary-encoded column [byte]."""
 
 _CODED = frozenset(('PLAIN', 'RLE', 'BIT_PACKED', 'PLAIN_DICTIONARY', 'RLE_DICTIONARY'))
 """Text encodings that pyarrow can read as dictionary codes."""
@@ -68,17 +69,17 @@ _MISREAD = (
     (re.compile(r'[+-]?\d+\.\d+([eE][+-]?\d+)?'), 'numbers with a decimal point'),
     (re.compile(r'(?=.*\d[;\t ])[-+.,;\t\d eE]+'), 'several numbers'),
 )
-"""Patterns of numbers in another format, with a description."""
+"""Patterns of cells with numbers that were not recognised, each with a description."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file, each of shape (rows,), and its statements about them.
+    """The columns of one file, each of shape (rows,), and their metadata from the file.
 
     In ``columns``, a missing number is NaN, and a missing string is empty. ``times`` names columns
     that are points in time, as integer nanoseconds. ``nested`` names columns that were not read
     because they contain lists or structures. ``values`` names columns that the file declares as
-    the signal. ``units`` are by column.
+    the signal. ``units`` maps names of columns to units.
     """
 
     path: Path
@@ -136,16 +137,15 @@ def _stated_rate_hz(metadata: Any) -> float | None:
 def _read_parquet(path: Path) -> tuple[pyarrow.Table, tuple[str, ...]]:
     """Return the columns with one value per row, and the names of the other columns.
 
-    The memory that they need is known from the file's metadata, before anything is read.
-    Run-length and dictionary encoding compress without limit, so the compressed size does not
-    limit it.
+    Run-length and dictionary encoding compress without limit, so a small file can need any amount
+    of memory. The amount is therefore computed from the file's metadata before the data are read.
     """
     with pyarrow.parquet.ParquetFile(path) as file:
         kinds = {f.name: _value_type(f.type) for f in file.schema_arrow}
         flat = {name: kind for name, kind in kinds.items() if not pyarrow.types.is_nested(kind)}
         if not flat:
             raise SourceError(f'{path} has lists in every column; write one row per sample')
-        # As dictionary codes, texts need no more memory than in the file.
+        # Texts that are read as dictionary codes need no more memory than in the file.
         as_codes = {name for name, kind in flat.items() if _is_text(kind)}
         chunks = [c for c in _column_chunks(file.metadata) if c.path_in_schema in flat]
         as_codes -= {c.path_in_schema for c in chunks if not _CODED.issuperset(c.encodings)}
@@ -158,19 +158,19 @@ def _read_parquet(path: Path) -> tuple[pyarrow.Table, tuple[str, ...]]:
 
 
 def _column_chunks(metadata: Any) -> Iterator[Any]:
-    """Yield the metadata of each part of each column."""
+    """Yield the metadata of each column chunk of a Parquet file."""
     for i in range(metadata.num_row_groups):
         group = metadata.row_group(i)
         yield from map(group.column, range(group.num_columns))
 
 
 def _decoded_bytes(chunk: Any, kind: Any, as_codes: Set[str]) -> int:
-    """Return the largest amount of memory that a part of a column can need [byte]."""
+    """Return the largest amount of memory that a column chunk can need after decoding [byte]."""
     packed, count = chunk.total_uncompressed_size, chunk.num_values
     if chunk.path_in_schema in as_codes or pyarrow.types.is_null(kind):
         return int(packed + count * _CODE_BYTES)
     if _is_text(kind):
-        # The encoding may store only how a text differs from the previous text.
+        # Delta encoding stores only the difference between a text and the previous text.
         return int(packed * count + count * _CODE_BYTES)
     return int(packed + count * max(_CODE_BYTES, kind.bit_width // 8))
 
@@ -211,7 +211,7 @@ def _read_text(path: Path, options: SourceOptions) -> pyarrow.Table:
 
 
 def _check_quotes(path: Path, lines: Sequence[str], separator: str) -> None:
-    """Refuse text after a closing quotation mark, which pyarrow would join: ``"1"5`` as 15."""
+    """Refuse text after a closing quotation mark, because pyarrow would read ``"1"5`` as 15."""
     if not any('"' in line for line in lines):
         return
     reader = csv.reader(lines, delimiter=separator, strict=True)
@@ -223,7 +223,7 @@ def _check_quotes(path: Path, lines: Sequence[str], separator: str) -> None:
 
 
 def _check_cells(path: Path, name: str, column: Any) -> None:
-    """Refuse a text column in which every cell is a number, or several, in another format."""
+    """Refuse a text column if all cells contain numbers in another format than stated."""
     if not _is_text(column.type):
         return
     cells = [cell.strip() for cell in column.slice(0, CHECKED_ROWS).to_pylist() if cell.strip()]
@@ -235,7 +235,7 @@ def _check_cells(path: Path, name: str, column: Any) -> None:
 
 
 def _read_form(path: Path, options: SourceOptions) -> tuple[str, str]:
-    """Return separator and decimal mark, as stated or by default."""
+    """Return the separator and the decimal mark that the options state, or the defaults."""
     usual = '\t' if path.suffix.lower() == '.tsv' else ','
     separator = _SEPARATORS.get(options.separator, options.separator) or usual
     decimal = options.decimal or '.'
@@ -251,7 +251,7 @@ def _read_form(path: Path, options: SourceOptions) -> tuple[str, str]:
 def _read_names(
     path: Path, lines: Sequence[str], separator: str, decimal: str, count: int
 ) -> list[str]:
-    """Return the names in line ``count``; without header lines ``column 1`` and so on."""
+    """Return the column names in line ``count``; if it is 0, ``column 1``, ``column 2``, ..."""
     if not count:
         first = next((line for line in lines if line.strip()), '')
         width = len(next(csv.reader([first], delimiter=separator), []))
@@ -288,7 +288,10 @@ def _to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
 
 
 def _texts_to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
-    """Return a column of texts; in NumPy, each needs as much memory as the longest."""
+    """Return a column of texts as an array.
+
+    Raises SourceError if the array is too large: each text needs as much memory as the longest.
+    """
     if not pyarrow.types.is_dictionary(column.type):
         column = column.dictionary_encode()
     codes = column.unify_dictionaries().combine_chunks()
@@ -305,7 +308,7 @@ def _texts_to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
 
 
 def build_long_table(trials: Sequence[tuple[Trial, str]], rate_hz: float | None) -> pyarrow.Table:
-    """Return the table of some trials, each with its name; see `TrialSet.to_table`."""
+    """Return a long table of pairs of a trial and its name; see `TrialSet.to_table`."""
     if not trials:
         raise SourceError('no trial is included, so there is nothing to write')
     signals = [trial.signal for trial, _ in trials]

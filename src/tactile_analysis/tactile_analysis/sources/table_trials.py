@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of tables: one file per trial or one long table, by the roles of the columns."""
+"""Trials from tables: one file per trial, or one long table with a column of trial names."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ NAMES: Mapping[str, frozenset[str]] = {
     'label': frozenset(('label', 'object', 'object_label')),
     'force': frozenset(('force', 'tension')),
 }
-"""Column names that need no option, in lower case and without their unit."""
+"""Column names that are recognised without an option, in lower case and without their unit."""
 
 UNITS_S = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'μs': 1e-6, 'ns': 1e-9, 'min': 60.0}
-"""Units of time [s]."""
+"""Factors from units of time to seconds."""
 
 ISO, DAY_FIRST = 'iso', 'day-first'
-"""Other values of `SourceOptions.time_unit`: formats of dates."""
+"""Values of `SourceOptions.time_unit` for times that are written as dates."""
 
 _DAY_FIRST_FORMS = tuple(
     f'%d{mark}%m{mark}%Y %H:%M:%S{fraction}' for mark in './-' for fraction in ('', '.%f')
@@ -46,9 +46,10 @@ _SPELLINGS |= {'volts': 'V', '-': '', '1': '', 'raw': '', 'a.u.': '', 'n/a': ''}
 
 @dataclass(frozen=True)
 class Roles:
-    """The columns by their role; an empty name means that there is none.
+    """Names of the columns of a table by their role; empty if no column has the role.
 
-    Each of ``values`` is a channel of the signal. Without ``trial`` the file is one trial.
+    Each column in ``values`` is a channel of the signal. If ``trial`` is empty, the file is one
+    trial.
     ``time_unit`` is a key of `UNITS_S`, or a format of dates.
     """
 
@@ -62,7 +63,7 @@ class Roles:
 def split_unit(name: str) -> tuple[str, str]:
     """Return the name of a column in lower case and its unit, which may be empty.
 
-    ``Force [N]``, ``time (ms)``, ``time_ms`` and ``force_n`` have a unit.
+    Examples of names with a unit are ``Force [N]``, ``time (ms)``, ``time_ms`` and ``force_n``.
     """
     for pattern in (_BRACKETS, _ENDING):
         found = pattern.match(name.strip())
@@ -79,9 +80,9 @@ def read_table_trials(
 ) -> list[Trial]:
     """Read the trials of CSV and Parquet files.
 
-    A file with a column of trials contains several trials; any other file is one trial. Labels
-    that no column states are taken from the names of file or folder, see `name_labels`. Raises
-    `SourceError` for a column whose meaning is unknown.
+    A file with a column of trial names contains several trials; any other file is one trial. If
+    there is no column of labels, labels are taken from the names of files or folders, see
+    `name_labels`. Raises `SourceError` for a column whose meaning is unknown.
     """
     trials: list[Trial] = []
     named: list[dict[str, str]] = []
@@ -104,7 +105,7 @@ def read_table_trials(
 
 
 def _propose_label(table: Table, roles: Roles) -> str:
-    """Return options for text columns that may be the label; empty if there are none."""
+    """Return a text that proposes an option for each column that may contain the labels."""
     likely = [
         name
         for name, column in table.columns.items()
@@ -171,7 +172,7 @@ def _cut_trials(
 
 
 def _times_s(table: Table, roles: Roles) -> NDArray[np.float64] | None:
-    """Return the times relative to the first one in the table, subtracted exactly for integers."""
+    """Return the times [s]; dates and integers are relative to the first time in the table."""
     if not roles.time:
         return None
     column = table.columns[roles.time]
@@ -188,7 +189,7 @@ def _times_s(table: Table, roles: Roles) -> NDArray[np.float64] | None:
 
 
 def _parse_dates(table: Table, name: str, form: str) -> NDArray[np.int64]:
-    """Return dates and times as nanoseconds since 1970."""
+    """Convert a column of dates and times to nanoseconds since 1970."""
     found = []
     for row, text in enumerate(table.columns[name].tolist(), start=1):
         stamp = _parse_date(str(text).strip().replace(',', '.'), form)
@@ -205,7 +206,7 @@ def _parse_date(text: str, form: str) -> int | None:
     """Return a date and time in nanoseconds since 1970; None if the text is invalid."""
     try:
         if form == ISO:
-            # NumPy accepts other texts, too, such as "now".
+            # Checked first, because NumPy also accepts other texts, such as "now".
             if not _ISO_DATE.match(text):
                 return None
             return int(np.datetime64(text.replace(' ', 'T'), 'ns').astype(np.int64))
@@ -223,11 +224,11 @@ def _parse_date(text: str, form: str) -> int | None:
 def _group_rows(
     table: Table, roles: Roles, notes: ImportNotes
 ) -> list[tuple[tuple[Any, ...], NDArray[np.intp]]]:
-    """Return name and rows of each trial, in the order of first rows.
+    """Return the name and the row indices of each trial, in the order of their first rows.
 
-    Trials of several labels or sessions may share a name; all these columns together then name a
-    trial. A trial never spans several values of a column that `find_group_word` finds, and trials
-    are numbered within each value.
+    Trials with different labels or sessions may have the same name. In this case, the name of a
+    trial also contains its label, its session, or its value in another column of groups (see
+    `find_group_word`). A trial never contains several values of such a column.
     """
     if not roles.trial:
         return [((), np.arange(len(table)))]
@@ -248,7 +249,10 @@ def _group_rows(
 
 
 def _number_groups(table: Table, names: Sequence[str]) -> NDArray[np.intp]:
-    """Return the index of the group of each row, from 0, in the order of first rows."""
+    """Return the number of each row's group, from 0, in the order of the groups' first rows.
+
+    Rows with equal values in the columns ``names`` are a group.
+    """
     codes = np.zeros(len(table), dtype=np.intp)
     for name in names:
         _, inverse = np.unique(table.columns[name], return_inverse=True)
@@ -261,9 +265,9 @@ def _number_groups(table: Table, names: Sequence[str]) -> NDArray[np.intp]:
 
 
 def assign_roles(table: Table, options: SourceOptions, notes: ImportNotes) -> Roles:
-    """Return the role of each column: as stated, or by its exact name.
+    """Return the columns of each role, from the options or by their exact names.
 
-    Raises `SourceError` for a required role that neither determines.
+    Raises `SourceError` if neither determines the column of a required role.
     """
     forces = tuple(name.strip() for name in options.force_column.split(',') if name.strip())
     stated = {'time': options.time_column, 'trial': options.trial_column}
@@ -287,7 +291,7 @@ def assign_roles(table: Table, options: SourceOptions, notes: ImportNotes) -> Ro
 
 
 def _find_named(table: Table, role: str) -> str:
-    """Return the column with an exact name of a role, or an empty string."""
+    """Return the column whose name is in `NAMES` for this role, or an empty string."""
     found = [name for name in table.columns if split_unit(name)[0] in NAMES[role]]
     return _choose(table, role, found) if found else ''
 
@@ -319,7 +323,7 @@ def _show_columns(table: Table) -> str:
 
 
 def _find_time_unit(table: Table, name: str, stated: str) -> str:
-    """Return the unit of the times, as stated or by the name of the column."""
+    """Return the unit of the times, from the option or from the name of the column."""
     if stated and stated not in (*UNITS_S, ISO, DAY_FIRST):
         raise SourceError(
             f'--time-unit is "{stated}"; it must be one of {", ".join((*UNITS_S, ISO, DAY_FIRST))}'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracies on public recordings, against those measured when they were collected.
+"""Accuracies on public recordings, compared with earlier measurements.
 
 The recordings are not part of the project: see their README for origin and licence.
 """
@@ -23,7 +23,7 @@ FOLDER = Path(os.environ.get('TACTILE_DATA', Path(__file__).parents[5] / 'shared
 
 
 def read_table(name, **options):
-    """Return the features of a public recording; they are not part of the project."""
+    """Return the features of a public recording; skip the test if the file is missing."""
     path = FOLDER / name
     if not path.exists():
         pytest.skip(f'{name} is not in {FOLDER}; set TACTILE_DATA to the folder that has it')
@@ -60,7 +60,7 @@ def test_fabrics(fabrics):
 
 def test_fabrics_without_their_trend():
     evaluation = evaluate(read_fabrics(), ['svm_linear'], ['none'], repetitions=3)
-    assert percent(evaluation, 'svm_linear', 'none') == pytest.approx(88, abs=3)  # 79 with it
+    assert percent(evaluation, 'svm_linear', 'none') == pytest.approx(88, abs=3)  # 79 with trend
 
 
 def test_a_speed_that_training_never_saw(fabrics):
@@ -84,9 +84,9 @@ def test_model_files_keep_every_label(request, tmp_path, table):
             trained = train(table, classifier, scaling)
             estimator = trained.estimator
             model = write_model(tmp_path / 'm.npz', trained)
-            # Unseen, and between the trials, where labels change first. Not halfway: a point
-            # that is as far from one trial as from another has no nearest neighbour but by
-            # rounding, which differs between processors.
+            # New points between two trials, where labels change first. They are not halfway,
+            # because the nearest neighbour would then depend on rounding, which differs between
+            # processors.
             mixed = 0.6 * table.values + 0.4 * table.values[::-1]
             changed = np.sum(
                 np.array(model.labels)[model.compute(mixed).answer] != estimator.predict(mixed)

@@ -158,7 +158,7 @@ def test_trials_of_unequal_length_are_padded_or_joined_and_cut(save):
     x = good_arrays()['x'].astype(float)
     joined = np.concatenate([row[:, :n] for row, n in zip(x, lengths, strict=True)], axis=1)
     for row, count in zip(x, lengths, strict=True):
-        row[:, count:] = np.nan  # padding may be anything
+        row[:, count:] = np.nan  # padding may have any value
     padded = load_archive(save(x=x, length=lengths))
     joined = load_archive(save(x=joined, offsets=np.r_[0, np.cumsum(lengths)]))
     for trials in (padded, joined):
@@ -181,7 +181,7 @@ def test_resampling_keeps_what_is_slow_and_drops_what_would_alias(save, rate_hz)
     t = np.arange(100) / 50.0
     slow = 3.0 + 0.5 * t + np.sin(2 * np.pi * 2.0 * t)
     x = np.broadcast_to(slow, (12, 2, 100)).copy()
-    x[:, 1] = np.sin(2 * np.pi * 24.0 * t)  # beyond 15 Hz, half of the lowest but one
+    x[:, 1] = np.sin(2 * np.pi * 24.0 * t)  # aliases at 20 Hz and at 30 Hz
     trials = load_archive(save(x=x, length=np.where(np.arange(12) < 6, 100, 90))).resample(rate_hz)
     assert trials.rate_hz == rate_hz
     signals = [trial.signal for trial in trials]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables that would not fit into memory, or break a reader, are one sentence."""
+"""Tables that would not fit into memory, or are damaged, cause an error of one sentence."""
 
 import numpy as np
 import pyarrow as pa
@@ -14,13 +14,13 @@ from tactile_analysis.sources.table_files import read_table
 
 @pytest.fixture
 def little_memory(monkeypatch):
-    """Let a table take 1 MiB at most."""
+    """Limit the memory of a table to 1 MiB."""
     monkeypatch.setattr('tactile_analysis.sources.table_files.MAX_TABLE_BYTES', 2**20)
 
 
 @pytest.mark.usefixtures('little_memory')
 def test_numbers_that_runs_pack_without_limit_are_counted_before_they_are_read(tmp_path):
-    # Each part holds ten thousand equal numbers in some hundred bytes.
+    # Each row group contains 10,000 equal numbers in a few hundred bytes.
     path, part = tmp_path / 'bomb.parquet', pa.table({'force_n': np.ones(10_000)})
     with pq.ParquetWriter(path, part.schema) as writer:
         for _ in range(20):

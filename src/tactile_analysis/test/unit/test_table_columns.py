@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Columns of a table are taken by exact names or stated ones; nothing is guessed."""
+"""Columns of a table are found by their exact names or by options; nothing is guessed."""
 
 import re
 
@@ -24,7 +24,7 @@ def write(path, lines):
 
 
 def write_trials(folder, names, rows):
-    """Write the same rows as the trials of two labels; return the folder."""
+    """Write one table for each of two labels, with the same rows; return the folder."""
     for label in ('pla', 'rubber'):
         write(folder / label / '1.csv', [names, *rows])
     return folder

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables as text, in any form that a spreadsheet or an instrument writes and an option states."""
+"""Text tables in the formats of spreadsheets and instruments, which options state."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings of all kinds as one class: equal to the written data, and read only once."""
+"""`TrialSet` reads recordings of all kinds: trials equal the written data, and are read once."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def write_archive(path, **more):
 
 
 def write_tables(folder, suffix):
-    """Write a folder a label with a table a trial; return the first folder."""
+    """Write a folder for each label, with one table per trial; return ``folder``."""
     for label in ('pla', 'rubber'):
         (folder / label).mkdir(parents=True)
         for number in range(2):
@@ -224,7 +224,7 @@ def test_a_stated_rate_that_the_times_do_not_have_is_refused(tmp_path):
 
 
 def write_stated(folder, rates_hz):
-    """Write files without times that state these rates [Hz]; return the folder."""
+    """Write files without times, with these rates [Hz] in their metadata; return the folder."""
     for label, rate_hz in rates_hz.items():
         path = folder / label / '1.parquet'
         path.parent.mkdir(parents=True)
@@ -243,7 +243,7 @@ def test_rates_that_files_state_agree_or_are_named(tmp_path):
     told = r'100 Hz \(mixed/pla/1\.parquet\), 50 Hz \(mixed/rubber/1\.parquet\)'
     with pytest.raises(SourceError, match=told):
         TrialSet.load(mixed).windows()
-    rows = [f'{i / 50!r},{i % 7}.5' for i in range(40)]  # stamps instead of the statement
+    rows = [f'{i / 50!r},{i % 7}.5' for i in range(40)]  # times instead of a stated rate
     (mixed / 'rubber' / '1.parquet').unlink()
     (mixed / 'rubber' / '1.csv').write_text('\n'.join(['time_s,force_n', *rows]))
     with pytest.raises(SourceError, match=told.replace('rubber/1\\.parquet', 'rubber/1\\.csv')):

@@ -133,9 +133,9 @@ class BagPlayerNode(TactileNode):
         return True
 
     def _wait_until(self, due_ns: int, bag_ns: int) -> bool:
-        """Publish the clock until ``due_ns``, when it reaches ``bag_ns``.
+        """Wait until the monotonic time ``due_ns``, and publish the time of the recording.
 
-        Return False if playing was stopped.
+        At ``due_ns``, the published time is ``bag_ns``. Return False if playing was stopped.
         """
         while (left_ns := due_ns - time.monotonic_ns()) > 0:
             self._publish_time(bag_ns - round(left_ns * self.config.rate))

@@ -61,10 +61,11 @@ POLL_S = 0.02
 the middleware."""
 
 MOST_DISORDER_NS = 1_000_000_000
-"""If an arrival time is further back than this, the clock was set back [ns]."""
+"""If an arrival time is earlier than the previous one by more than this, the clock was set back
+[ns]."""
 
 HISTORY_S = 0.5
-"""Silence [s] after which all latched events from before an activation have arrived."""
+"""If no latched event from before an activation arrives for this time [s], all have arrived."""
 
 KEPT_LATCHED = 64
 """Number of recorded messages of each latched topic that are stored, to recognise messages that
@@ -101,7 +102,7 @@ class BagRecorderNode(PollingNode):
         self._topics: dict[str, RecordedTopic] = {}
         self._auditors: dict[str, FingerAuditor] = {}
         self._recording: dict[str, PolledSubscription] = {}
-        self._ahead: list[_Arrival] = []  # received; older messages may still come
+        self._ahead: list[_Arrival] = []  # messages that wait for the next poll
         self._received_ns: dict[str, int] = {}  # arrival of the newest message of each topic
         self._savers: list[Periodic] = []
         self._save_error: BagError | None = None
@@ -181,11 +182,11 @@ class BagRecorderNode(PollingNode):
         self._take_all(time.time_ns())
 
     def _take_all(self, until_ns: int | None = None) -> None:
-        """Take the messages of all topics, and record those until ``until_ns`` in order.
+        """Take the messages of all topics, and record the messages until ``until_ns`` in order.
 
         Topics are polled one after the other. While the last topic is polled, messages may arrive
-        on the first. A message that arrived after ``until_ns`` therefore waits for the next poll:
-        then all older messages of other topics have been taken.
+        on the first topic. Messages that arrived after ``until_ns`` are therefore stored until the
+        next poll, after which no older message of another topic can follow.
         """
         with self.lock:
             arrivals = [*self._ahead]
@@ -202,10 +203,10 @@ class BagRecorderNode(PollingNode):
                 self._record(arrival)
 
     def _in_order(self, arrival: _Arrival) -> _Arrival:
-        """Return the arrival with a time not earlier than the previous arrival on its topic.
+        """Return the arrival with a time that is not earlier than the last time on its topic.
 
-        The middleware delivers the messages of a topic in the order in which they were sent. If a
-        message was latched or sent again, it may have arrived after a message that was sent later.
+        The middleware delivers the messages of a topic in the order in which they were sent, but
+        their arrival times may be in another order, for example if a message was sent again.
         """
         before_ns = self._received_ns.get(arrival.topic, 0)
         if 0 < before_ns - arrival.received_ns < MOST_DISORDER_NS:
@@ -217,8 +218,8 @@ class BagRecorderNode(PollingNode):
         name, topic = arrival.topic, self._topics[arrival.topic]
         if self.failure is not None:
             return
-        # Whether an event from before the activation is recorded depends on the events after it:
-        # its trial may have ended before the activation.
+        # An event from before the activation is recorded only if its trial had not ended by then.
+        # This depends on the following events.
         is_event = topic.type_name == EVENT
         if is_event and arrival.source_ns < self._activated_ns:
             self._held.setdefault(name, []).append(arrival.data)
@@ -449,9 +450,10 @@ class BagRecorderNode(PollingNode):
 
 
 def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
-    """Return the serialised events without the events of trials that have ended.
+    """Remove the events of trials that have ended from serialised events.
 
-    If ``known`` contains an event of a trial, all events of the trial are kept.
+    If ``known``, the events that were already recorded, contains an event of a trial, all events
+    of this trial are kept.
     """
     trials: list[tuple[str, list[bytes]]] = []
     has_ended: list[bool] = []
@@ -460,7 +462,7 @@ def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
             event = deserialize_message(data, TrialEvent)
         except Exception:  # untrusted bytes, which are recorded unchanged
             event = TrialEvent()
-        # If a trial has ended, a later trial may have the same id.
+        # After the end of a trial, another trial may have the same id.
         if not trials or has_ended[-1] or trials[-1][0] != event.trial_id:
             trials.append((event.trial_id, []))
             has_ended.append(False)
@@ -475,7 +477,7 @@ def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
 
 
 def _audit_to_msg(audit: Audit, bag: str) -> RecordingAudit:
-    """Return the ``tactile_msgs/RecordingAudit`` of a record."""
+    """Convert an audit to a ``tactile_msgs/RecordingAudit`` message."""
     return RecordingAudit(
         header=Header(stamp=_time(audit.end_ns)),
         bag=bag,
@@ -485,7 +487,7 @@ def _audit_to_msg(audit: Audit, bag: str) -> RecordingAudit:
         findings=list(audit.findings),
         span_start=_time(audit.start_ns),
         sample_count=audit.sample_count,
-        lost_count=min(audit.lost_count, 2**64 - 1),  # invalid numbers can make any gap
+        lost_count=min(audit.lost_count, 2**64 - 1),  # invalid blocks can have any numbers
         gap_count=audit.gap_count,
         duplicate_count=audit.duplicate_count,
         disordered_count=audit.disordered_count,

@@ -52,7 +52,7 @@ OF_TYPE = {
 
 
 def records_of(kind, **fields):
-    """Return a strategy for records; fields that are not given have arbitrary values."""
+    """Return a Hypothesis strategy for records; fields that are not given are arbitrary."""
     others = {f.name: OF_TYPE[f.type] for f in dataclasses.fields(kind) if f.name not in fields}
     return st.builds(kind, **others, **fields)
 
@@ -79,7 +79,7 @@ windows = records_of(
 
 @pytest.fixture(params=['rclpy', 'rosbags'])
 def read(request):
-    """Return a message as this library reads it after it was sent."""
+    """Return a function that serialises a message and reads it with one of the two libraries."""
 
     def read(msg):
         data = serialize_message(msg)
@@ -104,7 +104,7 @@ def test_a_record_survives_the_wire_bit_for_bit(read, sent, to_msg, from_msg, da
     record = data.draw(sent)
     message = to_msg(record)
     assert from_msg(read(message)) == record
-    for field in dataclasses.fields(record):  # fields of the same name, or with a special type
+    for field in dataclasses.fields(record):  # fields of record and message
         if isinstance(value := getattr(record, field.name), (str, bool)):
             assert getattr(message, field.name, value) == value
 

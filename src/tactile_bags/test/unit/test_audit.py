@@ -107,7 +107,7 @@ def second_block(*, at_ns=START_NS + 5 * PERIOD_NS, sequence=5, **fields):
     ('second', 'finding'),
     [
         (second_block(lost_before=2), '2'),  # only the driver knows about this loss
-        # a restart is not a duplicate
+        # restarted sequence numbers are not duplicates
         (second_block(at_ns=START_NS + 10**9, sequence=0), 'restarts'),
         (second_block(status=StrainStatus.RECONNECTED), 'reconnections'),
     ],
@@ -157,13 +157,13 @@ def test_a_trial_that_the_samples_do_not_cover_is_found():
 
 @pytest.mark.parametrize('lost', [150, 800, 1_450])
 def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
-    """The trial lasts from 1 s to 15 s and has losses at its beginning and at its end."""
+    """The trial lasts from 1 s to 15 s. One sample near its start, middle or end is lost."""
     blocks = [b for i, b in enumerate(blocks_of([1] * 1_600)) if i != lost]
     auditor = FingerAuditor('', 100.0)
     audits = auditor.add_event(event('contact', 1.0))
     for i, block in enumerate(blocks):
         audits += auditor.add_block(block)
-        if i == 1_480:  # the end of the trial is announced before its last samples arrive
+        if i == 1_480:  # 0.2 s before the last sample of the trial
             audits += auditor.add_event(event('done', 15.0))
     (audit,) = audits
     assert audit.sample_count == 1_400
@@ -196,7 +196,7 @@ def test_trials_without_any_samples_do_not_pile_up(monkeypatch):
 
 @pytest.mark.parametrize('with_trials', [False, True])
 def test_memory_does_not_grow_with_the_length_of_a_recording(with_trials):
-    """If phases are detected in the tension, the recording has no stated events."""
+    """The memory of the auditor is limited, both with trials and without any trial."""
     auditor = FingerAuditor('', 100.0)
     tension_n = np.zeros(1)
 
@@ -240,10 +240,10 @@ STEPS = [
 def stepped_recording(
     step_s, status, *, at=4_000, starts, lost=(), restart=False, late_s=0.0, count=6_600
 ):
-    """Return the audits of trials of 4 s, while the clock is set with sample ``at``.
+    """Return the audits of a recording with trials of 4 s, during which the clock is set.
 
-    ``starts`` are the numbers of the samples at which trials begin. Each event arrives ``late_s``
-    after its stamp [s].
+    The clock is set by ``step_s`` at the sample with the number ``at``. Trials begin at the
+    samples with the numbers ``starts``. Each event arrives ``late_s`` after its stamp [s].
     """
     auditor = FingerAuditor('', 100.0)
     audits = []

@@ -35,11 +35,11 @@ def test_a_bag_ends_with_the_last_chunk_that_fitted(tmp_path):
     size = (path / 'bag_0.mcap').stat().st_size
     for i in range(3, 6):
         writer.write_raw(name, i, MESSAGE)
-    with largest_file(size + 15_000):  # room for half of the remaining data
+    with largest_file(size + 15_000):  # space for half of the new messages
         with pytest.raises(BagError, match='File too large'):
             writer.save()
         assert (path / 'bag_0.mcap').stat().st_size == size
-        writer.close()  # the space of the dropped data is sufficient for the index
+        writer.close()  # the closing records fit, because data were dropped
     assert writer.is_complete
     assert writer.saved_count == 3
     with TactileBag(path) as bag:

@@ -52,7 +52,7 @@ def pack(*records):
     return bytes(builder.end())
 
 
-# These files are built byte by byte, because no library writes hostile files.
+# The tests build files from single records, because no library writes invalid files.
 def pack_record(opcode, contents):
     return RECORD_START.pack(opcode, len(contents)) + contents
 
@@ -82,7 +82,7 @@ def chunk(records, packing='', size=None, checksum=0, packed=None):
 
 @pytest.fixture
 def read_file(tmp_path):
-    """Return a function that opens these bytes as an MCAP file and reads all of it."""
+    """Return a function that reads all messages of an MCAP file with given bytes."""
 
     def read(data):
         path = tmp_path / 'hostile.mcap'
@@ -182,7 +182,7 @@ def finish(counts):
 
 
 def test_the_index_of_a_chunk_hides_no_message(read_file):
-    """An index that lacks a topic, or names another topic, is not used."""
+    """The index of a chunk is not used: it may lack a topic, or contain another topic."""
     data = DEFINED + EVENTS + chunk(BOTH)
     for index in (index_of(1) + index_of(2), index_of(1), index_of(1) + index_of(7), b''):
         for end in (finish({1: 1, 2: 1}), END):

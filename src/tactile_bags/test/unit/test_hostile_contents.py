@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Untrusted contents of a bag that opens: metadata, files, databases, messages."""
+"""Bags that can be opened, but have untrusted metadata, files, databases or messages."""
 
 from contextlib import suppress
 import io
@@ -63,7 +63,7 @@ def strain_bytes(sequence):
 
 
 def chunked(compression):
-    """Return the data file of the same bag with chunks of two messages, as of other writers."""
+    """Return the bytes of the small bag's data file, but with chunks of two messages each."""
     file = io.BytesIO()
     writer = Writer(file, chunk_size=150, compression=compression)
     writer.start('ros2')
@@ -214,7 +214,7 @@ def test_any_bytes_are_a_message_or_refused(type_name, data):
 
 @pytest.fixture(scope='module')
 def closed_files(tmp_path_factory):
-    """Return the same bag with each kind of compression, its messages, and its data file."""
+    """Return a bag's bytes without chunks and with each compression, its messages and its path."""
     path = write_bag(tmp_path_factory.mktemp('changed') / 'bag')
     (file,) = path.glob('*.mcap')
     packed = [file.read_bytes(), *map(chunked, CompressionType)]
@@ -223,10 +223,10 @@ def closed_files(tmp_path_factory):
 
 @given(data=st.data())
 def test_a_changed_bag_is_refused_or_holds_the_same(closed_files, data):
-    """If one byte of a closed file is changed, the bag is refused or has the same messages.
+    """If bytes in one place of a closed file are changed, a checksum detects it.
 
-    The checksum detects the change. A second change could set the checksum to zero, which means
-    that the file has no checksum.
+    The bag is refused, or has the same messages. Only one place is changed, because a second
+    change could set the checksum to zero, which means that the file has no checksum.
     """
     packed, messages, file = closed_files
     changed = bytearray(data.draw(st.sampled_from(packed)))
@@ -255,7 +255,7 @@ def test_a_chunk_that_was_changed_is_not_read_as_one_that_is_cut(small_bag):
     (path,) = small_bag.glob('*.mcap')
     changed = bytearray(chunked(CompressionType.NONE)[:-9])  # the file was never closed
     at = changed.index(strain_bytes(0))
-    changed[at:at] = bytes(6)  # the chunk still ends in a zero
+    changed[at:at] = bytes(6)  # the chunk now ends in a zero
     path.write_bytes(changed)
     with TactileBag(small_bag) as bag:
         assert bag.recovered
@@ -293,7 +293,7 @@ def test_wild_numbers_harm_neither_audit_nor_features(blocks, stamps_ns):
         extractor.add_event(event)
     for block in blocks:
         try:
-            check_block(block)  # as every conversion does
+            check_block(block)  # done by every conversion of a message
         except MessageError:
             continue
         audits += auditor.add_block(block)

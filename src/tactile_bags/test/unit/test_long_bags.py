@@ -20,7 +20,7 @@ from tactile_ros.topics import STRAIN, STRAIN_TOPIC
 
 SIZE = 9000
 COUNT = 300
-"""Number of messages that are saved one by one; the reader needs several runs for them."""
+"""Number of messages, which is so large that the reader divides them into several segments."""
 
 
 def payload(i):
@@ -29,7 +29,7 @@ def payload(i):
 
 @pytest.fixture(scope='module')
 def unfinished(tmp_path_factory):
-    """Return the data file of a recorder that was killed, and the closed bag."""
+    """Return the data of a bag before it was closed, and the path of the closed bag."""
     path = tmp_path_factory.mktemp('long') / 'bag'
     with BagWriter(path, {'simulated': True}) as writer:
         name = writer.add_topic(STRAIN_TOPIC)
@@ -43,7 +43,10 @@ def unfinished(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def files(unfinished, tmp_path_factory):
-    """Return a path for the remaining bag, and a path for its copy; both have short names."""
+    """Return the data of the bag before it was closed, and a path for a truncated copy.
+
+    The data have a short ``repr``, so that messages of failed tests stay short.
+    """
 
     class Left(bytes):
         def __repr__(self):
@@ -84,23 +87,23 @@ def test_all_that_was_saved_is_read_after_a_kill(unfinished, tmp_path):
 @settings(max_examples=20)
 @given(part=st.floats(0.0, 1.0), zeros=st.sampled_from([0, 1, 4096, 10**7]))
 def test_wherever_it_is_cut_what_came_before_is_read(files, part, zeros):
-    """A file system may also return zeros for data that were not written to the disk.
+    """The file is truncated, and in some cases filled with zeros, as file systems may do.
 
-    The last message is not truncated, because zeros at the end of a file may belong to it.
+    The cut is before the last message.
     """
     whole, file = files
     cut = 5000 + round(part * (len(whole) - (9 + 22 + SIZE) - 5000))
     file.write_bytes((whole[:cut] + bytes(zeros))[: len(whole)])
     found = messages_of(file)
     assert found == expected(len(found))
-    # each message has records, headers and index entries around it
+    # 60 bytes are more than the overhead of a message
     least = (cut - 5000) // (SIZE + 60)
     assert len(found) >= least - 1
 
 
 def test_a_recording_in_small_chunks_opens_in_little_memory(tmp_path):
     path, count = tmp_path / 'small.mcap', 2_000
-    message_store()  # loaded first, because its memory is not part of the measurement
+    message_store()  # loaded before memory is measured
     with path.open('wb') as file:
         writer = Writer(file, chunk_size=1, compression=CompressionType.NONE)
         writer.start('ros2')
@@ -121,7 +124,7 @@ def test_a_recording_in_small_chunks_opens_in_little_memory(tmp_path):
 
 
 def read_by_channel(path):
-    """Return the counted and the read number of messages on each channel."""
+    """Return the number of messages on each channel: according to the file, and as read."""
     file = McapFile(path)
     try:
         read = Counter(
@@ -154,12 +157,12 @@ def two_channels(tmp_path_factory):
     index_end = data.tell()
     writer.add_metadata('rosbag2', {'serialized_metadata': ''})
     writer.finish()
-    # The chunk is followed by an index of 3 entries for each channel.
+    # The last chunk is followed by an index for each of two channels, with 3 entries each.
     return data.getvalue(), index_end - 2 * (9 + 6 + 3 * 16), index_end
 
 
 def test_a_cut_behind_the_last_chunk_costs_no_message(two_channels, tmp_path):
-    """The file is truncated, or filled with zeros, from every byte of the last index on."""
+    """The file is truncated, or filled with zeros, at each byte of the last index or after it."""
     whole, index_start, index_end = two_channels
     path = tmp_path / 'cut.mcap'
     for cut in range(index_start, len(whole) + 1):

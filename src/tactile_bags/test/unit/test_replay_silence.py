@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""If a sensor dies in a hold, a replay refuses the same windows as the node, bit for bit."""
+"""If a sensor dies in the phase ``hold``, a replay refuses the same windows as the node."""
 
 import dataclasses
 
@@ -56,7 +56,10 @@ def event(time_s, phase, trial_id='t1'):
 
 
 def write_bag(path, inputs, timed_out_s, end_s):
-    """Write a bag with inputs and outputs of a node that stops waiting at ``timed_out_s``."""
+    """Write a bag with the inputs and outputs of a feature node.
+
+    The node stops waiting for samples at ``timed_out_s``.
+    """
     extractor = TrialFeatureExtractor(CONFIG)
     with BagWriter(path, {'feature_config': dataclasses.asdict(CONFIG)}) as writer:
         names = {
@@ -142,7 +145,7 @@ def test_rounding_of_another_processor_is_no_difference_but_not_exact(tmp_path, 
 
 @pytest.mark.parametrize('rate_hz', [60, 100, 1000])
 def test_features_are_computed_at_the_rate_of_the_samples(tmp_path, rate_hz):
-    """In the recording, the node was set to 60 Hz and refused every window of another rate."""
+    """In the recording, the feature node expected 60 Hz and refused windows of other rates."""
     period_ns = round(S / rate_hz)
     tension_n = np.random.default_rng(1).normal(5.0, 0.1, 8 * rate_hz)
     samples = StrainBlock(START_NS, 0, period_ns, tension_n, stamp_error_s=0.001)

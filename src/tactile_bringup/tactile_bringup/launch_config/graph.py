@@ -29,9 +29,9 @@ CLASSIFIER_NODE = 'tactile_classifier'  # started only if there are models
 PLAYER = 'bag_player'
 
 RIG_NODES = (SENSOR_NODE, FEATURES_NODE, 'linear_guide', 'tendon_actuator', 'trial_runner')
-SIMULATED_SATURATION_N = 19.0
-"""``saturation_n`` [N] of nodes on a simulated rig, whose load cell of 2 kg ends at 19.6 N."""
 """Names of the nodes of a rig, without the classifier."""
+SIMULATED_SATURATION_N = 19.0
+"""``saturation_n`` [N] of nodes on a simulated rig, whose load cell measures up to 19.6 N."""
 
 NO_PORT = 'none'
 """Value of the sensor port for a finger without a serial sensor."""
@@ -40,7 +40,7 @@ PORTLESS_SENSORS = ('net_ft', 'topic')
 """Kinds of sensor without a serial port."""
 
 NEEDED_BY = {'tactile_bags': ('mcap', 'rosbags'), 'tactile_sim': ()}
-"""Optional packages, with their dependencies that are available only from pip."""
+"""Optional packages of this project, each with the dependencies that only pip can install."""
 
 DEVICES = Path('/dev/tactile')
 """Folder of the device names that the udev rules of this package create."""
@@ -76,7 +76,7 @@ class Ports:
 
     @classmethod
     def in_folder(cls, links: Path) -> Ports:
-        """Return the ports of a simulated rig with links in this folder."""
+        """Return the ports of a simulated rig, which has links to its ports in a folder."""
         return cls(*(str(links / name) for name in ('guide', 'tendon', 'sensor')))
 
 
@@ -92,9 +92,10 @@ class ModelChoice:
 
     @classmethod
     def read(cls, path: Path | None, task: str = '', contact: str = '') -> ModelChoice | None:
-        """Read the models in a folder or file, and return them; None if ``path`` is None.
+        """Check the models in a folder or file, and return the choice; None if ``path`` is None.
 
-        An empty ``task`` or ``contact`` selects all models.
+        If ``task`` is given, at least one model must be for this task. An empty ``contact``
+        selects all models.
         """
         if path is None:
             return None
@@ -164,7 +165,7 @@ def sensing_graph(
 ) -> list[NodeDescription]:
     """Return the nodes of one finger: sensor, features and, if there are models, classifier.
 
-    ``parameters`` has further parameters of the nodes, which the other arguments override. See
+    ``parameters`` contains further parameters of the nodes; the other arguments override them. See
     `sensor_parameters` for the arguments of the sensor.
     """
     of_sensor = sensor_parameters(
@@ -185,11 +186,11 @@ def sensor_parameters(
     topic: str = '',
     simulated: bool = False,
 ) -> dict[str, Any] | None:
-    """Return the parameters of a sensor node that follow from arguments.
+    """Return the parameters of a sensor node that follow from these arguments.
 
-    Return None if the finger has no sensor node. If the sensor is a topic, its rate is the one in
-    ``stated``, for the sensor node or for the feature node. If there is none, the sensor node
-    measures the rate.
+    Return None if the finger has no sensor node. If the sensor is a topic, its rate is the
+    ``rate_hz`` of the sensor node in ``stated`` or, if there is none, of the feature node. If
+    neither is stated, the sensor node measures the rate.
 
     Parameters
     ----------
@@ -197,8 +198,8 @@ def sensor_parameters(
         Other parameters of the finger's nodes; the keys are the names of the nodes.
     port : str
         Serial port of the load cell; by default the port in ``stated``. If the port is ``none``,
-        here or in ``stated``, the finger has no sensor node, because another node publishes the
-        strain. A sensor with an address or a topic in ``stated`` is still started.
+        the finger has no sensor node, because another node publishes the strain. However, a sensor
+        that does not need a port (`PORTLESS_SENSORS`) is started in any case.
     topic : str
         ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; by default the topic in ``stated``.
     simulated : bool
@@ -233,9 +234,9 @@ def sensor_parameters(
 
 
 def simulated_tendon_parameters(stated: NodeParameters) -> dict[str, Any]:
-    """Return the parameters of the tendon's driver that follow from a simulated rig.
+    """Return the parameters that the tendon driver needs on a simulated rig.
 
-    A ``saturation_n`` in ``stated`` takes precedence.
+    If ``stated`` contains ``saturation_n``, this value is used.
     """
     of_file = stated.get('tendon_actuator', {})
     return {'saturation_n': of_file.get('saturation_n', SIMULATED_SATURATION_N)}

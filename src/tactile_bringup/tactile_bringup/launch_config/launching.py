@@ -39,8 +39,8 @@ from tactile_ros.errors import TactileError
 ENDS_WITHIN_S = '15'
 """Time from SIGINT to SIGTERM [s].
 
-A trial that is ended first brings the rig to rest. On a busy computer this may take longer than
-launch's default of 5 s.
+When a trial is ended, it first brings the rig to rest. On a busy computer, this may take longer
+than launch's default of 5 s.
 """
 
 RIG_LINGERS_S = 3.0
@@ -50,7 +50,10 @@ The drivers need this time to bring the devices to rest.
 """
 
 AFTER_END_S = 2.0
-"""Time [s] from the end of the node that ends the launch to SIGINT, for pending computations."""
+"""Time between the end of a node that ends the launch and the shutdown of the other nodes [s].
+
+It allows the other nodes to finish their computations.
+"""
 
 
 def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
@@ -140,13 +143,13 @@ class Arguments:
 
     @property
     def of_every_node(self) -> dict[str, bool]:
-        """Parameters of all nodes that differ from their defaults."""
+        """The parameters ``use_sim_time`` and ``autostart`` of all nodes, without defaults."""
         time = {'use_sim_time': True} if self.is_true('use_sim_time') else {}
         return time if self.is_true('autostart') else {**time, 'autostart': False}
 
     @property
     def process(self) -> dict[str, Any]:
-        """Arguments of all processes: output, log level, end and respawn."""
+        """Arguments of the launch actions of all processes, such as output and log level."""
         return {
             'output': 'screen',
             'ros_arguments': ['--log-level', self['log_level']],
@@ -347,7 +350,7 @@ def start(
     ends_with : Node, optional
         Node whose end shuts the launch down.
     """
-    # The handler also keeps the scratch folder during the launch.
+    # The handler also keeps a reference to ``arguments``, so the scratch folder exists until then.
     clean_up = OnShutdown(on_shutdown=lambda *_: arguments.clean_up())
     actions: list[Any] = [RegisterEventHandler(clean_up)]
     if ends_with is not None:
@@ -360,7 +363,7 @@ def start(
     waiting = list(nodes)
 
     def on_output(_: Any) -> list[Any] | None:
-        """Start the nodes after the rig's first line of output, when its ports exist."""
+        """Start the nodes after the rig's first line of output, because its ports exist then."""
         started = list(waiting)
         waiting.clear()
         return started or None

@@ -66,7 +66,7 @@ class _Entry(NamedTuple):
 
 
 class ParameterFile:
-    """A ROS parameter file. If ``path`` is None, there are no parameters.
+    """Parameters in a ROS parameter file; none if ``path`` is None.
 
     Raises
     ------
@@ -96,7 +96,7 @@ class ParameterFile:
             self._check(entry)
 
     def of(self, name: str, namespace: str = '') -> dict[str, Any]:
-        """Return the parameters of a node, with a relative `models` path resolved."""
+        """Return the parameters of a node; the path in `models` is absolute."""
         found: dict[str, Any] = {}
         full = join_topic(namespace, name)
         for entry in self._entries:
@@ -123,7 +123,7 @@ class ParameterFile:
         return tuple(found)
 
     def refuse_others(self, namespaces: Iterable[str]) -> None:
-        """Raise `TactileError` if an entry is for one of our nodes in another namespace."""
+        """Raise `TactileError` if an entry is for a known node, but in another namespace."""
         places = [place.strip('/') for place in namespaces]
         for entry in self._entries:
             expression = _as_expression(entry.pattern)
@@ -139,7 +139,7 @@ class ParameterFile:
     def _check(self, entry: _Entry) -> None:
         node = entry.node
         if node not in CONFIGS:
-            # The entry may be for a node of another package.
+            # Other names are allowed, because the entry may be for a node of another package.
             if close := get_close_matches(node, CONFIGS, 1, 0.8):
                 raise TactileError(
                     f'{self.path} has parameters for {entry.pattern}; did you mean {close[0]}?'
@@ -156,7 +156,7 @@ class ParameterFile:
 
 
 def has_parameter(node: str, key: str) -> bool:
-    """Return True if a node of ours has this parameter."""
+    """Return True if a node of these packages has this parameter."""
     return key.startswith('qos_overrides.') or key in _names(node)
 
 

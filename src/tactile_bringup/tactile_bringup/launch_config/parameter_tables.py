@@ -24,7 +24,7 @@ ARGUMENTS_OF = {
     'hand.launch.py`**, **`sense': 'hand',
     'replay': 'replay',
 }
-"""Titles of the tables, and the launch file that declares the arguments."""
+"""Title of each table of arguments, and the launch file that declares them."""
 
 
 class LaunchArgument(NamedTuple):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs the nodes of fingers in one process, in which their stages call each other directly."""
+"""Runs the nodes of fingers in one process, in which each node calls the next one directly."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def connect_fingers(nodes: Iterable[Any]) -> None:
 
 
 def sources_last(nodes: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return the named nodes in start order: sensors last, so that no sample is missed."""
+    """Return names and nodes in the order of start: sensors last, so that no sample is missed."""
     return sorted(nodes.items(), key=lambda item: isinstance(item[1], TendonSensorNode))
 
 

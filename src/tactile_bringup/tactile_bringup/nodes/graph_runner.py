@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs described nodes in this process, without ``launch``."""
+"""Runs nodes from their descriptions in this process, without ``launch``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tactile_ros.process import ignoring_terminal_stops, keep_heap_small, Signal
 
 
 def create_node(description: NodeDescription, context: Context, *, quiet: bool = False) -> Any:
-    """Create a described node, without configuring it.
+    """Create a node from its description, without configuring it.
 
     If ``quiet`` is True, the node logs only warnings and errors.
 
@@ -61,7 +61,7 @@ def create_node(description: NodeDescription, context: Context, *, quiet: bool =
 def ros_context(
     domain_id: int | None = None, args: Sequence[str] | None = None
 ) -> Iterator[Context]:
-    """Yield a separate ROS context that signals do not shut down.
+    """Yield a separate ROS context, which is not shut down by signals.
 
     ``args`` is a command line; by default the command line of this process.
     """

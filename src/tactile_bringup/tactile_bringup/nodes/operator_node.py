@@ -208,7 +208,7 @@ class OperatorNode(Node):  # type: ignore[misc]
             raise TactileError(
                 f'{what}: the action server does not answer; check that the rig is running'
             )
-        # If there are two nodes with the name of the server, either of them may answer.
+        # If two nodes have the name of the action server, it is unknown which one would answer.
         if rivals := self._rivals[client].find_loss():
             raise TactileError(f'{what}: {rivals}')
         goal = client.send(message)
@@ -228,7 +228,7 @@ class OperatorNode(Node):  # type: ignore[misc]
         raise TactileError(f'{what}: {reply.result.message}')
 
     def _describe_stop(self) -> str:
-        """Return who stopped the running goal."""
+        """Return a sentence that describes the cause of a stop."""
         if self._stop_state.is_stopped:
             return f'the rig was stopped: {self._stop_state.reason}'
         if self._stopped.is_set():

@@ -32,7 +32,7 @@ from tactile_ros.strain import NOT_LIVE
 
 
 class ContactLost(GoalAborted):
-    """The tendon has left its displacement; the message also contains the driver's reasons."""
+    """The tendon has left its commanded displacement, so the fingertip may have lost contact."""
 
 
 class RunningTrial:
@@ -58,8 +58,8 @@ class RunningTrial:
     def look(self, most_s: float = math.inf) -> None:
         """Record that the trial is being checked now.
 
-        Raises `GoalAborted` if the last check is more than ``most_s`` [s] ago, because the
-        process was stopped or got no core.
+        Raises `GoalAborted` if the last check is more than ``most_s`` [s] ago, for example
+        because the process was stopped or the computer was overloaded.
         """
         now_s = boot_time_s()  # includes the time of a suspended computer
         away_s, self._looked_s = now_s - self._looked_s, now_s
@@ -81,16 +81,16 @@ class RunningTrial:
 
 
 POLL_S = 0.02
-"""Period with which waits check for a reason to end [s]."""
+"""Period at which a waiting function checks whether the trial must end [s]."""
 
 REPORT_S = 0.5
-"""Largest delay of the joint states of a motion after the result of its goal [s]."""
+"""Joint states of a motion may arrive this long after the result of its goal [s]."""
 
 TRACK_S = 2 * REPORT_S
 """Time after the end of a goal during which joint states still belong to its motion [s]."""
 
 REASON_S = 0.3
-"""Longest wait for a driver to publish its reasons [s]; the driver checks them at 5 Hz."""
+"""Longest wait for a driver to publish why it is not ready [s]; it checks this at 5 Hz."""
 
 
 class TrialDevice:
@@ -132,7 +132,7 @@ class TrialDevice:
         self._left: SentGoal | None = None  # an abandoned goal
         self._left_s = -math.inf  # time at which it was abandoned
         self._track: MotionTrack | None = None
-        self._track_end_s = -math.inf  # end of the joint states that belong to the track
+        self._track_end_s = -math.inf  # later joint states do not belong to the track
         self._goals = GoalClient(node, action_type, f'{name}/{verb}')
         self._cancel = node.create_client(CancelGoal, f'{name}/{verb}/_action/cancel_goal')
         self._ready_subscription = node.create_subscription(
@@ -171,17 +171,20 @@ class TrialDevice:
         return []
 
     def find_loss(self) -> Refusal | None:
-        """Return the loss of the heartbeat, or the presence of two drivers, or None.
+        """Return a refusal if the heartbeat was lost or there are two drivers, otherwise None.
 
-        A heartbeat that has never been heard cannot be lost. Two drivers are a loss even if only
-        one of them has a heartbeat, because both may answer a goal.
+        A heartbeat that was never received does not count as lost. Two drivers are refused even
+        if only one of them publishes a heartbeat, because both may answer a goal.
         """
         if rivals := self._rivals.find_loss():
             return rivals
         return self._heartbeat.find_loss() if self._heartbeat.was_heard else None
 
     def check(self) -> None:
-        """Raise `GoalAborted` if the driver is lost, with the reasons that it has published."""
+        """Raise `GoalAborted` if `find_loss` returns a refusal.
+
+        The message also contains the reasons why the driver is not ready, if it has published any.
+        """
         if loss := self.find_loss():
             raise GoalAborted(' '.join([str(loss), *self._reasons()]))
 
@@ -191,9 +194,9 @@ class TrialDevice:
         return self._position_m
 
     def find_silence(self, least_s: float = 0.0) -> Refusal | None:
-        """Return a refusal if no joint states arrive, otherwise None.
+        """Return a refusal if no joint states have arrived for too long, otherwise None.
 
-        A silence of ``heartbeat_timeout_s`` is allowed, or of ``least_s`` [s] if that is longer.
+        The limit is the longer of ``heartbeat_timeout_s`` and ``least_s`` [s].
         """
         timeout_s = max(self._config.heartbeat_timeout_s, least_s)
         if time.monotonic() - self._reported_s <= timeout_s:
@@ -216,35 +219,35 @@ class TrialDevice:
     # -- motion --------------------------------------------------------------------------------
 
     def track(self, target_m: float, speed_m_s: float) -> MotionTrack:
-        """Return a track for the motion that is commanded next.
+        """Return a track, which records the joint states of the motion that is commanded next.
 
-        `call` must follow immediately. The track records joint states until `TRACK_S` after that
-        call. The position must be known, so `find_missing` must have returned no reasons.
+        `call` must follow immediately. The track ends `TRACK_S` after the end of this call. The
+        position must be known, so `find_missing` must have returned no reasons.
         """
         assert self._position_m is not None
         now_s = time.monotonic()
         self._reported_s = max(self._reported_s, now_s + REST_REPORT_S)
-        self._track_end_s = now_s + TRACK_S  # set first, because the track is checked against it
+        self._track_end_s = now_s + TRACK_S  # must be set before the track
         self._track = MotionTrack(self._position_m, target_m, speed_m_s)
         return self._track
 
     def cancel_goals(self) -> Any:
-        """Cancel all goals of the action without waiting; return the future of the answer.
+        """Request to cancel all goals of the action; return the future of the answer.
 
-        Return None if no answer can be expected. Unlike the driver's ``~/stop``, this does not
-        stop the rig.
+        Return None if the driver is not expected to answer. Unlike the driver's service
+        ``~/stop``, this does not stop the rig.
         """
         if not self._cancel.service_is_ready():
             return None
-        answer = self._cancel.call_async(CancelGoal.Request())  # without an ID: all goals
+        answer = self._cancel.call_async(CancelGoal.Request())  # an empty request is for all goals
         return None if self.find_loss() else answer
 
     def send(self, message: Any) -> None:
-        """Send a goal without waiting; a driver without a heartbeat may still receive it."""
+        """Send a goal without waiting for its end, for a driver whose heartbeat was lost."""
         self._leave(self._goals.send(message))
 
     def send_unwatched(self, message: Any) -> None:
-        """Send a goal on the executor's thread, just before `close`."""
+        """Send a goal from the executor's thread, just before `close`; its result is ignored."""
         self._goals.send_unwatched(message)
 
     def call(
@@ -316,7 +319,11 @@ class TrialDevice:
         deadline_s: float,
         lateness: str,
     ) -> Any:
-        """Wait for a future; raise `GoalAborted` if it is late or cannot be expected."""
+        """Return the result of a future.
+
+        Raises `GoalAborted` with the message ``lateness`` after the deadline, or earlier if no
+        result can be expected.
+        """
         while not concurrent.futures.wait([future], POLL_S).done:
             check()
             if not self._node.context.ok():
@@ -324,7 +331,7 @@ class TrialDevice:
             try:
                 self._check_wait(deadline_s, lateness)
             except GoalAborted:
-                check()  # if the runner stood still, this reports the standstill instead
+                check()  # if the runner did not run, report this instead
                 raise
         try:
             return future.result()
@@ -332,7 +339,7 @@ class TrialDevice:
             raise GoalAborted(f'{self._title}: {error}') from None
 
     def _check_wait(self, deadline_s: float, lateness: str) -> None:
-        """Raise `GoalAborted` after the deadline, or if no answer can be expected."""
+        """Raise `GoalAborted` after the deadline, or if the driver was lost."""
         if not self._goals.server_is_ready():
             raise GoalAborted(f'the {self._title} has disappeared; check that its node is running')
         if time.monotonic() > deadline_s:
@@ -356,7 +363,7 @@ class TrialDevice:
 
 
 class StrainWatch:
-    """Watches whether valid strain samples arrive; updated when the node polls its topics."""
+    """Detector of missing strain samples; it is updated when the node polls its topics."""
 
     def __init__(self, node: PollingNode, timeout_s: float) -> None:
         self._node, self._timeout_s = node, timeout_s
@@ -369,7 +376,7 @@ class StrainWatch:
         self._node.unpoll(self._blocks)
 
     def find_silence(self) -> Refusal | None:
-        """Return a refusal if no valid samples arrive, otherwise None."""
+        """Return a refusal if no valid samples have arrived for too long, otherwise None."""
         if time.monotonic() - self._heard_s <= self._timeout_s:
             return None
         return Refusal(

@@ -51,29 +51,30 @@ from tactile_ros.qos import EVENTS
 from tactile_ros.refusal import Refusal
 
 CANCEL_S = 1.0
-"""Longest wait for the guide's driver to answer a cancellation [s]."""
+"""Longest wait for the guide's driver to answer a request to cancel its goals [s]."""
 
 GUIDE_SILENCE_S = 1.5
-"""Longest silence of the joint states of a guide at rest, which arrive every 0.2 s [s]."""
+"""Longest time without joint states of a guide at rest [s]; it publishes them every 0.2 s."""
 
 TURN_S, HANG_S = 0.5, 1.2
-"""Period of a timer on the executor, and the time without this timer after which the executor
-counts as hanging [s]. The period is long, because each call costs 0.6 ms, and between trials this
-node does not command any motion."""
+"""Period of a timer that shows that the executor runs, and the time without a call of this timer
+after which the executor is regarded as hanging [s]. The period is long, because each call takes
+0.6 ms, and between trials this node does not command any motion."""
 
 LOG_S, LOG_AFTER_S = 0.5, 10.0
-"""Period of the check for missing conditions, and time until these are logged [s]."""
+"""Period at which missing conditions for a trial are checked, and time until they are logged
+[s]."""
 
 HOMINGS = {
     'home the guide': ('linear_guide/home', 'tactile_msgs/action/HomeGuide'),
     'home the tendon': ('tendon_actuator/home', 'tactile_msgs/action/HomeTendon'),
 }
-"""Homing action to propose if the message about a missing condition contains the phrase."""
+"""Homing actions that the log proposes if a message about a missing condition contains the key."""
 
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3
-"""Attempts to slacken the tendon, and the pause between them [s], because a servo may be silent
-for a short time."""
+"""Pause between two attempts to slacken the tendon [s]. There are several attempts, because a
+servo may not respond for a short time."""
 
 
 class TrialRunnerNode(PollingNode):
@@ -111,7 +112,7 @@ class TrialRunnerNode(PollingNode):
         self._executor_ran_s = 0.0  # last time that the timer ran on the executor
         self._ready: ReadinessPublisher | None = None
         self._readiness_log: Periodic | None = None
-        self._began_s = math.inf  # start of the wait for everything that a trial needs
+        self._began_s = math.inf  # time of the configuration; inf after the warning
         self._parts = ExitStack()  # destroys topics, services and timers in reverse order
         self._contact = TendonContact()
         self._rest = GuideRest()
@@ -147,7 +148,7 @@ class TrialRunnerNode(PollingNode):
         self._began_s = time.monotonic()
         self._readiness_log = self.call_every(LOG_S, self._log_readiness)
         self._parts.callback(self._readiness_log.cancel)
-        self._note_executor()  # the first call of the timer may be long after the activation
+        self._note_executor()  # the timer's first call may be late
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         turns = self.create_timer(TURN_S, self._note_executor, clock=clock)
         self._parts.callback(self.destroy_timer, turns)
@@ -157,15 +158,15 @@ class TrialRunnerNode(PollingNode):
     def stop(self) -> None:
         if self._runner is not None and self._runner.is_busy:
             self._runner.end_goal()
-            # Cancelled on this thread, because the trial's thread cannot send while this thread
-            # is busy, for example during a shutdown of the node.
+            # The goals are cancelled on this thread, because the thread of the trial cannot send
+            # requests while this thread is busy, for example during a shutdown of the node.
             for device in (self._guide, self._tendon):
                 if device is not None:
                     device.cancel_goals()
 
     def tear_down(self) -> None:
         if self._runner is not None:
-            # A short timeout: while the executor waits here, the trial gets no answers.
+            # The timeout is short, because the trial gets no answers while the executor waits.
             self._runner.close(timeout_s=0.5)
             if self._runner.is_busy and self._trial and self._tendon and self.context.ok():
                 self._tendon.send_unwatched(self._pull(self._trial.request))
@@ -208,7 +209,7 @@ class TrialRunnerNode(PollingNode):
         if guide is None or tendon is None or strain is None:
             return ['The trial runner is not configured; configure its node.']
         parts = [
-            self._find_stop(),  # first, because it handles the waiting messages
+            self._find_stop(),  # first, because it processes waiting messages
             self._find_rival(),
             *guide.find_missing(),
             *tendon.find_missing(),
@@ -217,12 +218,15 @@ class TrialRunnerNode(PollingNode):
         return list(dict.fromkeys(str(part) for part in parts if part))
 
     def _log_readiness(self) -> None:
-        """Log once that trials can run or, after `LOG_AFTER_S`, which conditions are missing."""
+        """Log once that trials can run.
+
+        If they cannot run after `LOG_AFTER_S`, log the missing conditions once.
+        """
         missing, log = None if self._ready is None else self._ready.missing, self._readiness_log
         if missing is None or log is None:
             return
         if self._runner is not None and self._runner.is_busy:
-            log.cancel()  # a client has already found the node ready
+            log.cancel()  # a running trial shows that the node was ready
         elif not missing:
             self.get_logger().info('ready for trials')
             log.cancel()
@@ -239,7 +243,10 @@ class TrialRunnerNode(PollingNode):
     # -- heartbeat -------------------------------------------------------------------
 
     def _beat_for_executor(self) -> None:
-        """Publish the heartbeat while the executor runs, unless a trial publishes it; periodic."""
+        """Publish the heartbeat if the executor runs and no trial publishes it.
+
+        This is called periodically on another thread.
+        """
         is_watched = self._trial is not None and self._trial.is_watched
         if not is_watched and time.monotonic() - self._executor_ran_s < HANG_S:
             self._beat()
@@ -316,7 +323,7 @@ class TrialRunnerNode(PollingNode):
             trial.glide_end_ns = track.end_ns
 
     def _slacken(self, trial: RunningTrial) -> None:
-        """Slacken a tendon that is taut before the trial; otherwise the guide drags the finger."""
+        """Slacken the tendon if it is taut, so that the guide does not drag the finger."""
         tendon = self._tendon
         assert tendon is not None
         if tendon.position_m is not None and tendon.position_m > SLACK_M:
@@ -330,8 +337,9 @@ class TrialRunnerNode(PollingNode):
             self._contact.begin(step.displacement_m, self.config.displacement_tolerance_m)
             trial.needs_strain = True
             self._move(self._tendon, pull, track, trial, is_new)
-            # The actuator ends a slow pull within its tolerance, while the tendon still moves.
-            # The servo rounds speeds to its units and may be a third slower than commanded.
+            # The actuator reports the end of a pull within its tolerance, when the tendon may
+            # still move. Because the servo rounds speeds to its units, a slow pull may be a third
+            # slower than commanded.
             timeout_s = REPORT_S + 1.5 * POSITION_TOLERANCE_M / step.speed_m_s
             if not self._wait_until(lambda: self._contact.rest_ns is not None, trial, timeout_s):
                 raise GoalAborted(
@@ -355,7 +363,7 @@ class TrialRunnerNode(PollingNode):
         trial: RunningTrial,
         is_new: bool,
     ) -> Any:
-        """Execute one motion; a new phase begins when the motion is observed."""
+        """Execute one motion. If ``is_new`` is True, its phase begins when motion is observed."""
         if is_new and not track.is_motion:
             self._begin(trial, None)
             is_new = False
@@ -396,7 +404,7 @@ class TrialRunnerNode(PollingNode):
         """Check the trial until ``is_done()`` is True; return False after ``timeout_s`` [s]."""
         deadline_s = time.monotonic() + timeout_s
         while True:
-            self._check(trial)  # checked first, so that an unsupervised phase does not succeed
+            self._check(trial)  # first, so that an unsupervised phase does not succeed
             if is_done():
                 return True
             if time.monotonic() > deadline_s:
@@ -408,8 +416,8 @@ class TrialRunnerNode(PollingNode):
         try:
             self._find_end(trial)
         except Exception:
-            # From now on the executor publishes the heartbeat, because ending a trial may take
-            # longer than the lease.
+            # From now on, the executor publishes the heartbeat, because ending a trial may take
+            # longer than the time after which a heartbeat counts as lost.
             trial.is_watched = False
             raise
         trial.is_watched = True
@@ -418,7 +426,7 @@ class TrialRunnerNode(PollingNode):
     def _find_end(self, trial: RunningTrial) -> None:
         """Raise an exception if there is a reason to end the trial."""
         self.poll_now()
-        # A standstill is checked first, because it may be the cause of a cancellation.
+        # Checked first, because a pause of this process may be the cause of a cancellation.
         trial.look(self.config.heartbeat_timeout_s)
         trial.goal.check()
         if trial.elapsed_s > trial.longest_s:
@@ -428,7 +436,7 @@ class TrialRunnerNode(PollingNode):
         try:
             self._find_loss(trial)
         except GoalAborted:
-            # If the runner stood still, report the standstill instead.
+            # If this process was paused, report the pause instead of the loss.
             trial.look(self.config.heartbeat_timeout_s)
             raise
 
@@ -456,7 +464,7 @@ class TrialRunnerNode(PollingNode):
         trial.displacement_error_m = max(trial.displacement_error_m, self._contact.error_m)
         self._contact.end()
         self._rest.end()
-        # The guide first, so that it rests before the tendon moves.
+        # The guide is stopped first, so that it is at rest before the tendon moves.
         guide = self._guide if trial.has_moved else None
         cancelled = None if guide is None else guide.cancel_goals()
         sentence = str(error)

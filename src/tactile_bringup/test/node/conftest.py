@@ -21,6 +21,6 @@ def bench(context):
 
 @pytest.fixture
 def bench_apart(context):
-    """Return a bench whose trial runner is a separate process."""
+    """Return simulated devices and a trial runner in a separate process; see `Bench`."""
     with Bench(context, is_apart=True) as bench:
         yield bench

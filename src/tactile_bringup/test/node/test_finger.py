@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A finger in one process: its stages call each other, regardless of other activity."""
+"""The nodes of a finger in one process call each other directly."""
 
 from collections import Counter
 from dataclasses import replace
@@ -30,7 +30,7 @@ DEADLINE_S = 10.0
 
 
 class Board:
-    """Writes readings of a load cell to a pty, in bursts of a hundredth of a second or less."""
+    """Simulated load cell, which writes readings to a pseudo-terminal in short bursts."""
 
     def __init__(self, port, rate_hz):
         self.port, self.rate_hz = str(port), rate_hz
@@ -62,14 +62,14 @@ class Board:
 
     def close(self):
         self._end.set()
-        termios.tcflush(self._slave, termios.TCIOFLUSH)  # ends a write that is never read
+        termios.tcflush(self._slave, termios.TCIOFLUSH)  # unblocks a pending write
         self.stop()
         os.close(self._master)
         os.close(self._slave)
 
 
 class Finger:
-    """Sensor node and feature node of one process, and all blocks that the feature node took."""
+    """Sensor node and feature node in one process, and all samples that the feature node took."""
 
     def __init__(self, context, board, namespace='', **of_features):
         descriptions = [
@@ -136,7 +136,7 @@ def make_finger(context, make_board):
 
 @pytest.fixture
 def elsewhere(context):
-    """Return a node of another participant, as in another process."""
+    """Return a node with a DDS participant of its own, as in another process."""
     other = Context()
     rclpy.init(context=other, domain_id=context.get_domain_id())
     node = Node('elsewhere', context=other)
@@ -156,7 +156,7 @@ def test_nothing_is_built_until_somebody_subscribes_and_then_the_next_sample_com
 ):
     finger = make_finger(60)
     strain = finger.sensor.stage._strain
-    # subscribers of an earlier test are gone
+    # Wait until no subscriber of an earlier test is left.
     wait_until(lambda: not strain._publisher.get_subscription_count())
     built, emitted = [], []
     to_message, emit = strain._to_message, finger.sensor.stage._emit
@@ -180,7 +180,7 @@ def test_nothing_is_built_until_somebody_subscribes_and_then_the_next_sample_com
     executor.add_node(elsewhere)
     wait_until(lambda: len(heard) >= 10, step=lambda: executor.spin_once(timeout_sec=0.05))
     executor.shutdown()
-    # Samples of another publisher on the topic are not samples of this finger.
+    # The feature node ignores samples of another publisher on the topic.
     publisher = elsewhere.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
     wait_until(lambda: finger.sensor.count_publishers('/tendon_sensor/strain') >= 2)
     publisher.publish(StrainBlock(sequence=10**6, period_ns=10**7, tension_n=[9.0]))
@@ -190,7 +190,7 @@ def test_nothing_is_built_until_somebody_subscribes_and_then_the_next_sample_com
     finger.group.close()
     assert_each_once(finger.taken)
     with_subscriber = [sequence for sequence, count in emitted if count]
-    # The count is requested shortly after the request of the publisher.
+    # The subscriber may have appeared after the publisher checked for subscribers.
     assert heard[0] in (with_subscriber[0], with_subscriber[0] + 1)
     assert heard == list(range(heard[0], heard[0] + len(heard)))
     assert built[: len(heard)] == heard

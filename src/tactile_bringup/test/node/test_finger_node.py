@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The program of a finger or a hand: its nodes, their parameters from a file, its end."""
+"""The program that runs the nodes of a finger or a hand: parameters from a file, and its end."""
 
 import os
 from pathlib import Path

@@ -29,7 +29,7 @@ def operated(bench, context):
 def test_a_trial_that_is_given_up_is_cancelled_and_the_next_one_runs(operated, monkeypatch):
     bench, operator = operated
     bench.guide.delays = {1: 5.0}
-    monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: -29.5)  # 0.5 s in all
+    monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: -29.5)  # timeout of 0.5 s
     with pytest.raises(TactileError, match=r'cancelled.* approach'):
         operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
     assert not bench.runner.goal_runners[0].is_busy
@@ -153,4 +153,4 @@ def test_diagnostics_of_the_progress_end_with_the_operator(context):
     operator.publish_progress(1, 2, TrialRequest('stiffness', 'flexion'))
     diagnostics = operator._diagnostics
     operator.destroy_node()
-    diagnostics.publish()  # a periodic call that was due: the publisher no longer exists
+    diagnostics.publish()  # a late periodic call, after the publisher was destroyed

@@ -35,7 +35,7 @@ def test_a_device_whose_action_server_goes_away_ends_the_trial(bench):
     bench.guide.waits_in = (2,)
     goal = bench.start('texture')
     wait_until(lambda: len(bench.guide.goals) == 2)
-    # The result of the goal is never sent, as if the process had been killed.
+    # The server disappears without a result, as if its process had been killed.
     bench.guide._runner._server.destroy()
     assert 'linear guide' in bench.end(goal).message
     bench.wait_until_released()
@@ -56,7 +56,8 @@ def test_no_lost_answer_ends_a_trial(bench, monkeypatch):
     monkeypatch.setattr(GoalIdClient, 'take_data', take_data_in_part)
     goal = bench.start('stiffness', hold_s=0.1)
     assert 'done' in bench.end(goal).message
-    # two answers to each of three clients: the runner's for guide and tendon, and the test's
+    # There are three clients: two of the runner (guide, tendon), and one of the test. Each has
+    # lost two answers.
     assert len(lost) == 6
     assert [len(device.goals) for device in (bench.guide, bench.tendon)] == [1, 2]
 
@@ -77,13 +78,13 @@ def test_a_driver_that_falls_silent_ends_the_trial_with_its_reason(bench, protoc
     message = bench.end(goal).message
     assert f'{device.get_name()}/heartbeat' in message
     assert message.endswith('It does not answer; check its cable.')
-    # a tendon driver without heartbeat also slackens if it still receives
+    # The runner also asks a driver without heartbeat to slacken the tendon.
     bench.wait_until_released()
 
 
 @contextmanager
 def second_node(bench, context, name):
-    """Start a second node with the same name and servers, whose device is not usable."""
+    """Start a second node with the name of another node, which publishes only its presence."""
     node = Node(name, context=context)
     heart = Heartbeat(node, lambda: True, '~/presence', PRESENCE_LEASE_S)
     timer = bench.client.create_timer(0.02, heart.beat)
@@ -127,7 +128,7 @@ def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
 
     def hang():
         looks.append(True)
-        if len(looks) > 1:  # at the first look, the thread of the trial has begun to watch
+        if len(looks) > 1:  # the second check blocks the trial's thread
             end.wait()
         return find_loss()
 
@@ -144,7 +145,7 @@ def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
 
 
 def test_a_trial_waits_for_a_tendon_that_is_still_being_slackened_after_the_last_one(bench):
-    bench.tendon.slowness = {2: 3.0}  # the tendon is slackened in 0.5 s
+    bench.tendon.slowness = {2: 3.0}  # slackening takes three times as long
     goal = bench.touch('stiffness')
     bench.tendon.beats = False
     assert 'tendon_actuator/heartbeat' in bench.end(goal).message
@@ -219,11 +220,11 @@ def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, ph
     bench.wait_for_phase(phase)
     bench.process.send_signal(signal.SIGSTOP)
     frozen_s = time.monotonic()
-    # Frozen until the phase is over. The devices of this test continue as commanded.
+    # The runner is stopped for longer than the phase, while the simulated devices continue.
     wait_until(lambda: time.monotonic() > frozen_s + 2.0)
     bench.process.send_signal(signal.SIGCONT)
     message = bench.end(goal).message
-    # The standstill is reported by the watch of the trial or by the watch of its goal.
+    # The pause is detected by the check of the trial or by the check of its goal.
     assert re.search(rf'\d\.\d+ s .*{phase}|{phase}.* \d\.\d s', message), message
     bench.wait_for_phase('aborted')
     bench.wait_until_released()
@@ -237,7 +238,7 @@ def test_a_hold_whose_tendon_is_reported_no_more_does_not_succeed(bench):
 
 
 def assert_is_tracked_no_more(bench, device):
-    """Joint states that arrive after the end of the tracking are not stored."""
+    """Assert that joint states that arrive after the end of the tracking are not stored."""
     states = []
     topic = f'{device.name}/joint_states'
     wait_until(lambda: time.monotonic() > device._track_end_s)
@@ -263,7 +264,7 @@ def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
     goal = bench.touch('stiffness')
     bench.tendon.position_m = 0.0045  # within the tolerance of the driver
     track = bench.runner._tendon._track
-    track._is_over = False  # as if the servo ended its pull there
+    track._is_over = False  # as if the servo had stopped there
     assert_is_tracked_no_more(bench, bench.runner._tendon)
     goal.cancel()
     bench.end(goal)
@@ -334,7 +335,7 @@ def test_a_second_life_of_the_trial_runner_works_like_the_first(bench):
         for transition in ('cleanup', 'configure', 'activate'):
             result = getattr(bench.runner, f'trigger_{transition}')()
             assert result == TransitionCallbackReturn.SUCCESS
-            if transition == 'cleanup':  # otherwise the next wait would find the old server
+            if transition == 'cleanup':  # wait until the old server has disappeared
                 wait_until(lambda: not bench.action.server_is_ready())
         assert len(bench.runner.goal_runners) == 1
         assert len(bench.runner._managed_entities) == 1

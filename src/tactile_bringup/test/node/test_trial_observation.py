@@ -39,7 +39,7 @@ def test_phases_begin_with_the_motion_and_not_with_its_command(bench):
         ('return', bench.guide, 3),
     ):
         assert abs(phase(bench, name) - device.moved_at_ns[goal]) < STAMP_BOUND_NS, name
-    arrived_ns = bench.guide.moved_at_ns[2] + 7 * 10**8  # 10.5 mm at 15 mm/s
+    arrived_ns = bench.guide.moved_at_ns[2] + 7 * 10**8  # 10.5 mm at 15 mm/s take 0.7 s
     assert abs(phase(bench, 'release') - arrived_ns) < STAMP_BOUND_NS
     stamps = [stamp_ns(event) for event in bench.events]
     assert all(a <= b for a, b in itertools.pairwise(stamps))
@@ -112,10 +112,10 @@ def test_a_motion_that_nobody_reports_fails(bench):
 
 def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench):
     runner, said = bench.runner, []
-    # The log is not read from the standard error, because pytest may lose a line of it.
+    # The logger is replaced, because pytest may lose a line of the standard error.
     logger = SimpleNamespace(info=said.append, warning=said.append, set_level=lambda _: None)
     runner.get_logger = lambda: logger
-    runner._readiness_log.cancel()  # the runner was ready from its start
+    runner._readiness_log.cancel()  # it may already have logged
     bench.guide.say_ready('The guide has not been homed; home the guide.')
     wait_until(lambda: 'home the guide' in ' '.join(runner._ready.missing or ()))
     runner._began_s = -math.inf
@@ -141,7 +141,8 @@ def test_a_goal_waits_for_a_driver_and_one_that_stays_unready_ends_it_with_its_s
     assert bench.end(bench.start('stiffness')).message.endswith(sentence)
     bench.wait_for_phase('aborted')
     bench.events.clear()
-    # The driver is not ready for a longer time: the result of a homing can come before ~/ready.
+    # The trial waits until the driver is ready, because the result of a homing may arrive before
+    # the message on ~/ready.
     handle = bench.start('stiffness', hold_s=0.5)
     bench.wait_for_phase('approach')
     assert (bench.guide.goals, bench.tendon.goals) == ([], [])

@@ -28,7 +28,7 @@ from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 START_S = 60.0
-"""Longest time [s] until a process has started on a busy computer."""
+"""Longest time to wait for the start of a process, for a busy computer [s]."""
 PERIOD_S = 0.01
 SERVER_TIMEOUT_S = 1.0
 SILENCE_S = 0.8  # longer than the default, because a busy computer may delay a node that long
@@ -50,7 +50,7 @@ class Motion:
     pause_s: float  # pause half way [s]
 
     def at(self, now_ns):
-        """Return the position [m], and the speed [m/s]: 0 at the target and not before."""
+        """Return the position [m] and the speed [m/s], which is 0 only at the target."""
         duration_s = abs(self.target_m - self.start_m) / self.speed_m_s
         elapsed_s = (now_ns - self.began_ns) / 1e9
         elapsed_s -= min(self.pause_s, max(0.0, elapsed_s - duration_s / 2))
@@ -63,9 +63,11 @@ class Motion:
 class Device(TactileNode):
     """A device that executes its goals, unless the test changes its behaviour.
 
-    Goals are counted from 1. ``waits_in``, ``fails_in`` and ``delays`` apply before a goal moves
-    anything. ``pauses`` are pauses half way [s], ``slowness`` is the factor by which motions take
-    longer, and ``rest_period_s`` is the period of the joint states at rest.
+    The attributes refer to the numbers of goals, from 1. Goals in ``waits_in`` wait until they are
+    cancelled, and goals in ``fails_in`` fail, both without a motion. The following are mappings
+    from numbers: ``delays`` before a motion [s], ``pauses`` half way [s], and ``slowness``, the
+    factor by which a motion takes longer. ``rest_period_s`` is the period of the joint states at
+    rest.
     """
 
     def __init__(self, name, action_type, verb, **options):
@@ -77,7 +79,7 @@ class Device(TactileNode):
         self.pauses = {}
         self.slowness = {}
         self.moved_at_ns = {}
-        self.rested_at_ns = []  # stamps of the reports at rest away from slack
+        self.rested_at_ns = []  # stamps of joint states at rest, except at position 0
         self.rest_period_s = 0.0
         self._reported_s = time.monotonic()
         self.beats = True
@@ -163,9 +165,9 @@ class Sensor(Node):
 
 
 class Bench:
-    """Devices, sensor and runner, each on a separate executor, as in separate processes.
+    """Simulated devices, a simulated sensor and the trial runner, each on a separate executor.
 
-    With ``is_apart`` the runner really is a separate process, which the test can stop.
+    If ``is_apart`` is True, the runner is a separate process, which the test can stop.
     """
 
     def __init__(self, context, *, is_apart=False):
@@ -208,7 +210,7 @@ class Bench:
         for group in self.groups.values():
             group.__enter__()
         assert self.action.wait_for_server(START_S)
-        if is_apart:  # the runner has discovered the devices, and its heartbeat arrives
+        if is_apart:  # wait until the runner has discovered the devices
             wait_until(lambda: self.readiness and self.readiness[-1].ready, timeout_s=START_S)
 
     @property
@@ -227,7 +229,10 @@ class Bench:
         self.action.close()
 
     def touch(self, protocol):
-        """Start a trial that stays in contact, in its hold or before its glide."""
+        """Start a trial, and wait until it is in contact.
+
+        The trial then stays in the phase ``hold`` (stiffness) or before its glide (texture).
+        """
         self.guide.waits_in = (2,) if protocol == 'texture' else ()
         goal = self.start(protocol)
         wait_until(
@@ -255,7 +260,7 @@ class Bench:
 
 
 def start_runner(domain_id, values):
-    """Start the trial runner's program on a ROS domain, with these parameters."""
+    """Start the trial runner in a new process, with these parameters."""
     program = Path(get_package_prefix('tactile_bringup'), 'lib/tactile_bringup/trial_runner_node')
     parameters = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
     return subprocess.Popen(

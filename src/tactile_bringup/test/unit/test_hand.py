@@ -19,7 +19,7 @@ middle:
 
 @pytest.fixture
 def graph(parameter_file):
-    """Return a function that returns the nodes of a hand by path, from a parameter file."""
+    """Return a function that maps the path of each node of a hand to its parameters."""
 
     def make(fingers, text='', **options):
         file = ParameterFile(parameter_file(text) if text else None)

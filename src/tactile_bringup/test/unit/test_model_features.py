@@ -26,7 +26,7 @@ SPATIAL = FeatureConfig(
 
 @pytest.fixture
 def write(tmp_path):
-    """Return a function that writes models for windows of a config, with random features."""
+    """Return a function that writes a model file for a `FeatureConfig`, from random features."""
 
     def write(name, config):
         task, _, contact = name.partition('_')

@@ -15,7 +15,7 @@ from tactile_bringup.launch_config.parameter_tables import read_launch_arguments
 PACKAGE = Path(__file__).resolve().parents[2]
 LAUNCHING = PACKAGE / 'tactile_bringup' / 'launch_config' / 'launching.py'
 KILL_AFTER_S = 5
-"""Time from SIGTERM to SIGKILL [s]: the default of launch."""
+"""Default time between SIGTERM and SIGKILL in launch [s]."""
 
 
 @pytest.fixture(scope='module')
@@ -32,8 +32,7 @@ def test_it_starts_a_launch_file_with_arguments_that_it_has(service):
     *sources, launch = commands.split(' && ')
     assert sources
     assert all(source.startswith('source /') for source in sources)
-    # If the command did not use exec, the main process would be the shell, which forwards no
-    # signal.
+    # Without exec, the main process would be the shell, which does not forward signals.
     words = launch.split()
     assert words[:4] == ['exec', 'ros2', 'launch', 'tactile_bringup']
     assert (PACKAGE / 'launch' / words[4]).is_file()

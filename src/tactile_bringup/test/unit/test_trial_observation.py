@@ -52,7 +52,10 @@ def test_a_tendon_that_still_moves_is_not_at_rest(speed_m_s):
 @pytest.mark.parametrize('radius_m', [0.001, 0.01, 0.1])
 @pytest.mark.parametrize('speed_m_s', [0.0001, 0.0005, 0.001, 0.01])
 def test_the_rest_is_right_with_the_resolution_of_the_servo(speed_m_s, radius_m, poll_rate_hz):
-    """Speeds have steps of 0.229 rpm and an error of up to one step; positions are counts."""
+    """Reported speeds have steps of 0.229 rpm and errors of up to one step.
+
+    Reported positions are rounded to counts of the servo.
+    """
     random = np.random.default_rng(0)
     unit_m_s = registers.velocity_to_m_s(1, radius_m)
     units = registers.m_s_to_velocity(speed_m_s, radius_m)
@@ -144,7 +147,7 @@ def test_a_guide_that_moves_while_it_should_rest_is_seen_and_late_reports_are_no
     rest.take(0, 0.01, 0.0)
     assert rest.find_motion() is None
     rest.begin(0.06)
-    for position_m in (0.055, 0.0599, 0.0601):  # moving, and at rest
+    for position_m in (0.055, 0.0599, 0.0601):  # late states, then at rest
         rest.take(0, position_m, 0.04)
         assert rest.find_motion() is None
     rest.take(0, 0.0605, 0.0)

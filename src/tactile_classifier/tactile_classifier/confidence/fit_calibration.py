@@ -35,7 +35,7 @@ from tactile_classifier.estimators.classifiers import (
 from tactile_classifier.types import VOTES
 
 MAX_FOLDS = 6
-"""Maximum number of folds. More are used only if groups cannot be divided into that few folds."""
+"""Maximum number of folds, unless the groups of trials cannot be divided into so few folds."""
 
 BOUNDS = ((1e-3, 1e3), (0.0, 50.0))
 """Bounds of the slope and of the offset of a calibration. The slope is for scores that were
@@ -81,7 +81,7 @@ class GroupFolds:
         return len(self.names)
 
     def divide(self, novelty: Matrix) -> HeldOutNovelty:
-        """Divide the novelties of held-out trials, shape (trials,), into those of each session."""
+        """Divide the novelties of held-out trials, shape (trials,), by session."""
         if self.session is None:
             return HeldOutNovelty((novelty,))
         found = np.unique(self.session)
@@ -163,7 +163,7 @@ def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
     fold = np.zeros(groups, dtype=np.intp)
     size = np.zeros(folds, dtype=np.intp)
     count = np.zeros((folds, labels), dtype=np.intp)
-    # The order of the groups' names matters only between groups with the same labels.
+    # Groups with the same labels are assigned in the order of their names.
     for i in sorted(range(groups), key=lambda i: (-contains[i].sum(), *~contains[i], i)):
         same = count[:, contains[i]]
         only_here = (same > 0) & (same == same.sum(axis=0))
@@ -183,7 +183,7 @@ def score_held_out(
     scaling: str,
     parameters: Mapping[str, Any] | None = None,
 ) -> tuple[Matrix, Indices]:
-    """Fit a model to the other trials and return the raw scores of the held-out ones.
+    """Fit a model to the trials that are not held out; return raw scores of held-out trials.
 
     The scores have shape (held-out trials, labels). The second result is the column of each
     trial's true label. ``parameters`` is the argument of `build_estimator`.
@@ -237,9 +237,9 @@ def hold_out_novelty(
 def fit_novelty(table: FeatureTable, folds: GroupFolds) -> tuple[NoveltyMeasure, HeldOutNovelty]:
     """Fit the novelty measure to all trials; compute the novelties of held-out trials.
 
-    The held-out novelties come from a separate measure for each fold, so this is not split
-    conformal prediction. The measure of all trials has more reference trials than these, so it
-    tends to give lower novelties for new trials.
+    The novelties of held-out trials are computed with a separate measure for each fold, so this is
+    not split conformal prediction. The measure that is fitted to all trials has more reference
+    trials than the separate measures, so new trials tend to have lower novelties.
     """
     novelty = hold_out_novelty(table, folds.fold)
     return fit_measure(table.values, table.labels, folds.fold), folds.divide(novelty)
@@ -292,7 +292,8 @@ def fit_calibration(scores: Matrix, true: Indices) -> Calibration:
     The scores have shape (trials, labels); ``true`` contains the column of each true label, shape
     (trials,). As in Platt's targets, one fictitious error is added. A classifier without errors
     therefore does not reach probability 1. The scores are first divided by their spread, so that
-    the result does not depend on their unit. The loss is convex in slope and offset.
+    the result does not depend on their unit. The negative log-likelihood is convex in slope and
+    offset.
     """
     trials, labels = scores.shape
     doubt = 1.0 / (trials + 2.0)

@@ -25,7 +25,7 @@ def fit_measure(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> 
     centre = values.mean(axis=0)
     residuals = _find_residuals(values, owner, fold)
     spread = np.sqrt((residuals**2).mean(axis=0))
-    # A smaller spread comes only from the rounding error of the mean.
+    # Even a constant feature can have a small spread, because its mean is rounded.
     varies = spread > 1e-12 * np.abs(values).max(axis=0)
     scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=varies)
     within = _whiten(residuals, scale)
@@ -49,9 +49,9 @@ def fit_measure(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> 
 def _find_residuals(values: Matrix, owner: Indices, fold: Indices) -> Matrix:
     """Return the deviations from the mean of each label, corrected for the degrees of freedom.
 
-    If there are two folds, each held-out measure is fitted to one fold and contains no differences
-    between folds. The measure of all trials must be comparable. In this case, the deviations are
-    therefore computed from the mean of each label in each fold.
+    If there are two folds, the deviations are computed from the mean of each label in each fold.
+    In this case, the measure for held-out trials is fitted to a single fold, so it contains no
+    differences between folds. The measure of all trials must be comparable to it.
     """
     if len(np.unique(fold)) == 2:
         crossed = divide_groups(owner, fold)
@@ -60,12 +60,15 @@ def _find_residuals(values: Matrix, owner: Indices, fold: Indices) -> Matrix:
     means = np.stack([values[owner == i].mean(axis=0) for i in range(len(counts))])
     unbiased = np.sqrt(counts / np.maximum(counts - 1, 1))[owner, np.newaxis]
     residuals: Matrix = ((values - means[owner]) * unbiased)[counts[owner] > 1]
-    # If each label has one trial, there is no spread within labels: use that of all trials.
+    # If each label has only one trial, the deviations from the mean of all trials are used.
     return residuals if len(residuals) else values - values.mean(axis=0)
 
 
 def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
-    """Return the whitening matrix for the covariance of the residuals, shrunk (Ledoit-Wolf)."""
+    """Return the whitening matrix for the Ledoit-Wolf covariance of the residuals.
+
+    Features whose ``scale`` is 0 are ignored.
+    """
     counts = scale > 0.0
     transform = np.zeros((len(scale), len(scale)))
     if counts.any():
@@ -76,10 +79,10 @@ def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
 
 
 def _median_distance(points: Matrix, fold: Indices) -> float:
-    """Return the median over the points of the distance to the nearest point of another fold.
+    """Return the median distance between a point and the nearest point of another fold.
 
-    If there is only one fold, the nearest of all other points is used. If the median is 0 or there
-    are no other points, returns 1.
+    If there is only one fold, the nearest point of the same fold is used. If the median is 0 or
+    there are no other points, returns 1.
     """
     lengths = (points**2).sum(axis=1)
     squares = lengths[:, np.newaxis] + lengths - 2.0 * points @ points.T

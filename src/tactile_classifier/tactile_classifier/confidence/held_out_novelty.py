@@ -18,7 +18,10 @@ from tactile_classifier.errors import ModelFileError, refuse_damage, TooFewTrial
 Matrix = npt.NDArray[np.float64]
 
 SESSIONS_BEYOND = 0.1
-"""If there are enough sessions, the strict threshold may fail in this fraction of new sessions."""
+"""Largest fraction of new sessions in which the strict threshold may reject too many trials.
+
+The threshold is computed from at least nine sessions; if there are fewer, the fraction is larger.
+"""
 
 
 def trials_needed(rate: float) -> int:
@@ -144,7 +147,7 @@ class HeldOutNovelty:
 
 
 def _find_threshold(sessions: Sequence[Matrix], rate: float, strict: bool) -> float:
-    """Return the threshold of `compute_threshold`; if there are too few trials, the largest."""
+    """Return the threshold of `compute_threshold`, without an error for too few trials."""
     if strict:
         quantiles = sorted(_find_quantile([each], rate) for each in sessions)
         return quantiles[rank_of_sessions(len(quantiles)) - 1]

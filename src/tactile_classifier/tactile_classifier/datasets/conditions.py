@@ -97,7 +97,10 @@ def describe_copies(table: FeatureTable) -> list[str]:
 
 
 def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
-    """Return the session of each trial for tests within sessions; None with only one session."""
+    """Return the number of the session of each trial, for statistical tests within sessions.
+
+    Returns None if there is only one session, or if sessions are unknown.
+    """
     if 'session_id' not in table.columns:
         return None
     codes = np.unique(table.columns['session_id'], return_inverse=True)[1]
@@ -136,8 +139,8 @@ def find_tied_labels(table: FeatureTable) -> list[str]:
 
     A label is tied if all its trials belong to one group that contains no other label. A model may
     then learn the group instead of the label, and random folds overestimate the accuracy. If the
-    group is held out, the model does not know the label. If the group also contains other labels,
-    only this last problem remains; this is reported, too.
+    group is held out, the model does not know the label. If all trials of a label belong to one
+    group that also contains other labels, there is only the last problem, which is also reported.
     """
     labels, label = np.unique(table.labels, return_inverse=True)
     warnings = []
@@ -167,7 +170,7 @@ def find_tied_labels(table: FeatureTable) -> list[str]:
 
 
 def _count(labels: npt.NDArray[np.str_], chosen: npt.NDArray[np.bool_]) -> str:
-    """Return the number of chosen labels and the first names as text."""
+    """Return a text with the number of chosen labels, and the names of the first six."""
     names = labels[chosen]
     more = ' and more' if len(names) > 6 else ''
     return f'{len(names)} of {len(labels)} labels ({", ".join(map(str, names[:6]))}{more})'

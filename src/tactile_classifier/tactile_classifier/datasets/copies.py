@@ -54,7 +54,7 @@ FRACTION = 0.1
 LEAST_DEVIATION = 1e-3
 """Lower limit of the deviation of a feature within a label, relative to its mean over the labels.
 
-A label whose trials are all copies has a smaller deviation.
+Without this limit, the deviation would be too small if all trials of a label are copies.
 """
 
 SAMPLED = 500
@@ -96,7 +96,7 @@ def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
     for label in range(len(counts)):
         (rows,) = np.nonzero((code == label) & (first == np.arange(len(first))))
         if limit > 0.0 and len(rows) > 1:
-            # With min_samples=1, the clusters are the connected groups of near trials.
+            # With min_samples=1, a trial belongs to a cluster if it is near any of its trials.
             group = DBSCAN(eps=np.sqrt(limit), min_samples=1).fit_predict(scaled[rows])
             earliest = np.unique(group, return_index=True)[1]
             first[rows] = rows[earliest[group]]
@@ -133,5 +133,5 @@ def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
     # At most as many eigenvalues can be estimated as there are degrees of freedom.
     largest = squares[: min(freedom, len(squares))] / (len(sample) * freedom / trials)
     freedoms = np.arange(1, len(largest) + 1)
-    quantiles = 2.0 * gammaincinv(freedoms / 2.0, CHANCE / pairs)  # of chi-squared
+    quantiles = 2.0 * gammaincinv(freedoms / 2.0, CHANCE / pairs)  # chi-squared distribution
     return float(FRACTION**2 * np.max(2.0 * largest * quantiles))

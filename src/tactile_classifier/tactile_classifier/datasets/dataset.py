@@ -162,11 +162,11 @@ def divide_groups(group: npt.NDArray[np.intp], column: npt.NDArray[Any]) -> npt.
 
 
 _OUR_NAMES = {'session': 'session_id', 'mounting': 'mounting_id'}
-"""Names of columns in imported recordings, and our names for them."""
+"""Names of columns in imported recordings, and the corresponding names in a `FeatureTable`."""
 
 
 def find_column(columns: Mapping[str, Any], name: str) -> str:
-    """Return ``name`` if there is such a column, otherwise our name for it if there is one."""
+    """Return ``name`` if there is such a column, otherwise its standard name if it has one."""
     return name if name in columns else _OUR_NAMES.get(name, name)
 
 
@@ -244,7 +244,7 @@ def table_from_trials(
     DatasetError
         If the channel does not exist.
     NoFeaturesError
-        If single trials have no features.
+        If some of the trials have no features.
     """
     x = np.asarray(x)
     channels = tuple(channels) or tuple(f'{_CHANNEL}{i}' for i in range(x.shape[1]))

@@ -26,7 +26,7 @@ REPETITIONS = 10
 _INNER_FOLDS = 3
 
 LEAST_TO_TRAIN = 3
-"""Smallest number of training trials. The classifier with three nearest neighbours needs them."""
+"""Smallest number of training trials, because one classifier uses three nearest neighbours."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Split:
 
     @property
     def spread_of(self) -> str:
-        """``groups`` or ``repetitions``: what the spread of accuracies is computed over."""
+        """``groups`` or ``repetitions``, whose accuracies are used to compute the spread."""
         return 'repetitions' if self.groups is None else 'groups'
 
     def once(self) -> Split:
