@@ -55,7 +55,7 @@ def parse_metadata(text: str) -> BagMetadata:
     """Return the contents of ``metadata.yaml``; raise `BagError` if they are invalid."""
     document = load_yaml(text)
     if isinstance(document, dict):
-        # The file has this key at its top; the copy inside a data file does not.
+        # The contents of the file are below this key; the copy in a data file does not have it.
         document = document.get(_TOP, document)
     try:
         if not 1 <= int(document['version']) <= VERSION:

@@ -175,7 +175,8 @@ class TactileBag:
             try:
                 metadata = parse_metadata(copies[-1])
             except TactileError as error:
-                # In a file that was never closed, the copy may be incomplete.
+                # In a file that was never closed, the copy of metadata.yaml may be incomplete. It
+                # is ignored.
                 if all(file.is_finished for file in self._files):
                     raise BagError(f'its copy of {FILE_NAME} cannot be used: {error}') from error
         return metadata

@@ -187,7 +187,7 @@ def replay_through_core(
 
 
 ROUNDING = 1e-9
-"""Largest relative difference between a recorded and a computed number."""
+"""If recorded and replayed numbers differ by at most this fraction, they count as equal."""
 
 TAIL_S = 1.0
 """Time before the end of a recording in which results may be missing [s]."""

@@ -17,7 +17,7 @@ from tactile_classifier.types import WindowPrediction
 from tactile_features.types import TrialEvent
 
 NO_LABEL = 'the trial has no label'
-"""Reason why trials of our bags without a label are excluded."""
+"""Reason why trials without a label in bags of this package are excluded."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,7 +128,7 @@ def launch_setup(context):
 
         # -- the nodes -------------------------------------------------------------------------
         if sensor is not None:
-            # reads the load cell, and publishes the tension on strain
+            # The sensor node reads the load cell, and publishes the tension.
             nodes.append(
                 Node(
                     package='tendon_sensor_driver',
@@ -143,7 +143,7 @@ def launch_setup(context):
                     **process,
                 )
             )
-        # computes a feature vector from each window
+        # The feature node computes a feature vector from each window of samples.
         nodes.append(
             Node(
                 package='tactile_features',
@@ -154,7 +154,7 @@ def launch_setup(context):
             )
         )
         if models:
-            # computes a label from each feature vector
+            # The classifier node computes a label from each feature vector.
             nodes.append(
                 Node(
                     package='tactile_classifier',
@@ -165,7 +165,7 @@ def launch_setup(context):
                 )
             )
         if record := arguments.path('record'):
-            # records each finger in a separate bag
+            # The recorder writes a separate bag for each finger.
             recorder = recorder_parameters(
                 record / finger,
                 namespaces=[namespace],
@@ -178,7 +178,7 @@ def launch_setup(context):
                     executable='bag_recorder_node',
                     name='bag_recorder',
                     parameters=[file, recorder, common],
-                    # not restarted, because a recorder cannot continue a bag
+                    # The recorder is not restarted, because it cannot continue a bag.
                     **{**process, 'respawn': False},
                 )
             )

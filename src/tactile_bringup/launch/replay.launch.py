@@ -29,7 +29,7 @@ ARGUMENTS = [
         description='folder of model files, or one file. Default: the models that were used '
         'during the recording, if any',
     ),
-    # the time comes from /clock; namespace selects one finger of the recording
+    # By default, the nodes use the time on /clock. The namespace selects one finger.
     *shared_arguments(use_sim_time='true', respawn='false'),
 ]
 
@@ -59,7 +59,7 @@ def launch_setup(context):
             )
             of_models = models.parameters if models else {}
             recorded = dataclasses.asdict(recorded_features(bag, namespace).config)
-            # computes a feature vector from each window
+            # The feature node computes a feature vector from each window of samples.
             nodes.append(
                 Node(
                     package='tactile_features',
@@ -71,7 +71,7 @@ def launch_setup(context):
                 )
             )
             if models:
-                # computes a label from each feature vector
+                # The classifier node computes a label from each feature vector.
                 has_classifier = True
                 nodes.append(
                     Node(
@@ -100,7 +100,7 @@ def launch_setup(context):
                 **{**process, 'respawn': False},
             )
         )
-    # plays the recording, and publishes its time on /clock
+    # The player publishes the recorded messages, and their time on /clock.
     player = Node(
         package='tactile_bags',
         executable='bag_player_node',

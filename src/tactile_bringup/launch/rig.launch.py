@@ -145,7 +145,7 @@ def launch_setup(context):
         simulated=simulated,
     )
     if sensor is not None:
-        # reads the load cell, and publishes the tension on strain
+        # The sensor node reads the load cell, and publishes the tension.
         nodes.append(
             Node(
                 package='tendon_sensor_driver',
@@ -157,7 +157,7 @@ def launch_setup(context):
         )
     of_tendon = simulated_tendon_parameters(stated) if simulated else {}
     nodes += [
-        # linear guide, with the actions move and home
+        # The node of the linear guide has the actions move and home.
         Node(
             package='linear_guide_driver',
             executable='linear_guide_node',
@@ -165,16 +165,16 @@ def launch_setup(context):
             parameters=[CONFIG, file, {'port': ports['guide']}, common],
             **process,
         ),
-        # tendon actuator, with the action pull and the service release
+        # The node of the tendon actuator has the action pull and the service release.
         Node(
             package='linear_guide_driver',
             executable='tendon_actuator_node',
             name='tendon_actuator',
             parameters=[CONFIG, file, {'port': ports['tendon']}, of_tendon, common],
-            # restarted, because a driver that died may have left the tendon taut
+            # The delay is short, because a driver that was killed may have left the tendon taut.
             **{**process, 'respawn_delay': 0.2},
         ),
-        # runs trials of the protocol (action run_trial), and publishes events
+        # The trial runner executes trials (action run_trial), and publishes events.
         Node(
             package='tactile_bringup',
             executable='trial_runner_node',
@@ -182,7 +182,7 @@ def launch_setup(context):
             parameters=[CONFIG, file, common],
             **process,
         ),
-        # computes a feature vector from each window
+        # The feature node computes a feature vector from each window of samples.
         Node(
             package='tactile_features',
             executable='tactile_features_node',
@@ -192,7 +192,7 @@ def launch_setup(context):
         ),
     ]
     if models:
-        # computes a label from each feature vector
+        # The classifier node computes a label from each feature vector.
         nodes.append(
             Node(
                 package='tactile_classifier',
@@ -212,7 +212,7 @@ def launch_setup(context):
                 executable='bag_recorder_node',
                 name='bag_recorder',
                 parameters=[CONFIG, file, recorder, common],
-                # not restarted, because a recorder cannot continue a bag
+                # The recorder is not restarted, because it cannot continue a bag.
                 **{**process, 'respawn': False},
             )
         )

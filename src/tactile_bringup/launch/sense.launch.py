@@ -10,7 +10,7 @@ from launch.actions import IncludeLaunchDescription
 
 
 def generate_launch_description():
-    # the nodes and the arguments are in hand.launch.py
+    # The nodes and the arguments are in hand.launch.py.
     hand = str(Path(__file__).with_name('hand.launch.py'))
     return LaunchDescription(
         [IncludeLaunchDescription(hand, launch_arguments={'fingers': '/'}.items())]

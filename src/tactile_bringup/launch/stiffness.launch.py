@@ -10,7 +10,7 @@ from launch.actions import IncludeLaunchDescription
 
 
 def generate_launch_description():
-    # the nodes and the arguments are in rig.launch.py
+    # The nodes and the arguments are in rig.launch.py.
     rig = str(Path(__file__).with_name('rig.launch.py'))
     return LaunchDescription(
         [IncludeLaunchDescription(rig, launch_arguments={'protocol': 'stiffness'}.items())]

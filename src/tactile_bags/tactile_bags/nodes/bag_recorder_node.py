@@ -154,7 +154,8 @@ class BagRecorderNode(PollingNode):
         self._check = self.call_every(SAVE_PERIOD_S, self._check_bag)
         self._save_error = None
         for save in (writer.save, writer.sync):
-            # Two threads: a slow sync to the disk must not delay writing to the file.
+            # Each function has a separate thread, because a slow sync to the disk must not delay
+            # writing to the file.
             ticker = Ticker('bag saver')
             self._savers.append(ticker.every(SAVE_PERIOD_S, partial(self._save_part, save)))
 
@@ -328,7 +329,7 @@ class BagRecorderNode(PollingNode):
     # -- failure -------------------------------------------------------------------------
 
     def _end_recording(self, error: BagError) -> None:
-        """End the recording after an error of the bag. Other nodes are not affected."""
+        """End the recording because the bag cannot be written. Other nodes are not affected."""
         self._stop_listening()
         self._stop_saving()
         self._held = {}
@@ -384,7 +385,7 @@ class BagRecorderNode(PollingNode):
                 event = event_from_msg(message)
                 audits = auditor.add_event(event)
                 is_simulated = event.simulated
-        except Exception as error:  # untrusted bytes, which are recorded unchanged
+        except Exception as error:  # invalid messages are recorded, too
             reason = f'it is recorded, but cannot be audited: {error!r}'
             self.message_guard.refuse(topic.name, reason)
             return
@@ -460,7 +461,7 @@ def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
     for data in events:
         try:
             event = deserialize_message(data, TrialEvent)
-        except Exception:  # untrusted bytes, which are recorded unchanged
+        except Exception:  # invalid messages are recorded, too
             event = TrialEvent()
         # After the end of a trial, another trial may have the same id.
         if not trials or has_ended[-1] or trials[-1][0] != event.trial_id:

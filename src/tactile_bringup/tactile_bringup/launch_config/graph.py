@@ -67,7 +67,7 @@ class NodeDescription:
 
 @dataclass(frozen=True)
 class Ports:
-    """Serial ports of the three devices."""
+    """Serial ports of the guide, the tendon actuator and the sensor of a rig."""
 
     guide: str
     tendon: str

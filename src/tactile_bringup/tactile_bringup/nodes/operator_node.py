@@ -40,7 +40,7 @@ END_TIMEOUT_S = 30.0
 
 
 class StoppedError(TactileError):
-    """The goal was cancelled by another node or user, so nothing may be started again."""
+    """The goal was cancelled by another node or user, so no further goal may be sent."""
 
 
 class OperatorNode(Node):  # type: ignore[misc]
@@ -127,12 +127,13 @@ class OperatorNode(Node):  # type: ignore[misc]
         return response
 
     def _on_stop_state(self, message: StopStateMsg) -> None:
-        self._stop_state = stop_state_from_msg(message)  # a restarted rig counts from 0 again
+        # The newest state is used, even if its number is lower: restarted nodes begin at 0.
+        self._stop_state = stop_state_from_msg(message)
 
     def publish_progress(
         self, number: int, count: int, request: TrialRequest, following: str = ''
     ) -> None:
-        """Publish the number of the present trial, and what follows it, on ``/diagnostics``."""
+        """Publish the number of the present trial, and a text on the next one, as diagnostics."""
         then = f'; next: {following}' if following else ''
         self._progress = Health(
             OK,

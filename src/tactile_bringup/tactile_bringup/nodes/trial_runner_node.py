@@ -529,7 +529,7 @@ class TrialRunnerNode(PollingNode):
             pull_displacement_m=self.config.displacement_m(request.contact),
             simulated=self._strain is not None and self._strain.is_simulated,
         )
-        # The clocks of the drivers may differ slightly from this clock.
+        # The stamps of events must not decrease, even if the drivers have slightly other clocks.
         trial.stamp_ns = max(trial.stamp_ns, self._now_ns() if stamp_ns is None else stamp_ns)
         event.header.stamp = Time(nanoseconds=trial.stamp_ns).to_msg()
         if self._events is not None:
