@@ -37,7 +37,7 @@ as late instead of lost."""
 class _SampleRun(NamedTuple):
     """A block of samples, or a part of a block, without the values.
 
-    ``shift_ns`` is the difference between the original stamps and the stream time [ns].
+    ``shift_ns`` is the difference between original stamps and stream time (see `_HostClock`) [ns].
     ``step_ns`` is the step of the host's clock between the previous sample and the first sample of
     this run [ns]; 0 if there was no step.
     """
@@ -209,7 +209,7 @@ MAX_STEPS = 100
 class _HostClock:
     """Conversion of stamps to stream time.
 
-    The host's clock can be set while it is recorded, which is called a clock step. Stream time is
+    The host's clock can be set during a recording, which is called a clock step. Stream time is
     the time of the host's clock with all steps removed, so that stamps before and after a step are
     comparable.
     """

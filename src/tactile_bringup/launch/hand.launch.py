@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The fingers of a hand that moves by itself: ``ros2 launch tactile_bringup hand.launch.py``.
+"""Fingers of a hand that other nodes move: ``ros2 launch tactile_bringup hand.launch.py``.
 
 By default, the nodes of all fingers run in one process; see the argument ``processes``.
 """

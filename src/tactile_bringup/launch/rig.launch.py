@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig for a protocol, with each node in a separate process.
+"""Nodes of a rig that runs the trials of one protocol, each in a separate process.
 
 Start it by ``ros2 launch tactile_bringup texture.launch.py`` or ``stiffness.launch.py``.
 """

@@ -82,7 +82,7 @@ def test_crop_takes_samples_by_time(save):
     whole = trials.windows()[0]
     np.testing.assert_array_equal(trials.crop(0.5, 1.5).windows()[0], whole[:, :, 25:75])
     assert trials.crop(0.0, 2.0).windows()[0].shape[2] == 100
-    # 0.7 * 10 is 7.000000000000001 in floating point.
+    # The crop begins at sample 7, although 0.7 * 10 is 7.000000000000001 in floating point.
     slow = load_archive(save(rate_hz=np.array(10.0)))
     assert slow.crop(0.7, 0.9).windows()[0].shape[2] == 2
     for start_s, stop_s in ((1.0, 1.0), (1.5, 1.0), (-0.1, 1.0), (0.0, 2.1)):

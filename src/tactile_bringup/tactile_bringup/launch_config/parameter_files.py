@@ -8,7 +8,7 @@ parameters. This differs from ROS in three ways:
 
 - Unknown names of nodes and parameters are refused before anything starts. ROS ignores them.
 - A later layer overrides an earlier one. ROS prefers an exact node name in an earlier layer.
-- `models` paths are relative to the file.
+- A relative path in the parameter `models` is relative to the folder of the parameter file.
 """
 
 from __future__ import annotations
