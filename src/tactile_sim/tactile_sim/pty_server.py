@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Server of devices on pseudo-terminals: the rig in real time, and a load cell with weights."""
+"""Serve simulated devices on pseudo-terminals (ptys): a rig, or a load cell with weights."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ _SETTLE_S = 0.15
 
 
 class PtyPort:
-    """The device's end of a line; drivers open the symbolic link ``link``.
+    """The pty of one device; drivers open it through the symbolic link ``link``.
 
-    Drivers must not use the name of the pty itself: when the port is unplugged, the kernel may
-    give the same number to another program. Raises `RigError` if ``link`` exists and is not a
-    link.
+    Drivers must not use the name of the pty itself, because the kernel can reuse this name for
+    another program after the port has been unplugged. Raises `RigError` if ``link`` exists and is
+    not a symbolic link.
     """
 
     def __init__(self, link: Path) -> None:
@@ -54,13 +54,14 @@ class PtyPort:
         return bool(self._files)
 
     def fileno(self) -> int:
-        """Return the file descriptor of the device's end."""
+        """Return the file descriptor that the device reads and writes (the master of the pty)."""
         return self._files[0]
 
     def open(self) -> None:
-        """Create a pty and its link."""
+        """Create a pty and the symbolic link to it."""
         master, slave = os.openpty()
-        # The slave stays open here; otherwise reading the master fails when a client closes.
+        # This process keeps the slave open. Otherwise, reading from the master would fail as soon
+        # as a driver closes the port.
         self._files = [master, slave]
         tty.setraw(slave)
         os.set_blocking(master, False)
@@ -75,11 +76,11 @@ class PtyPort:
             os.close(self._files.pop())
 
     def read(self) -> bytes:
-        """Return bytes from the driver; call this only when there are some."""
+        """Return bytes from the driver. Call this only when `select` reports available bytes."""
         return os.read(self.fileno(), _READ_BYTES)
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the driver. A full pty loses bytes, like a line without handshake."""
+        """Send bytes to the driver. If the buffer of the pty is full, the bytes are lost."""
         with contextlib.suppress(BlockingIOError):
             os.write(self.fileno(), data)
 
@@ -87,8 +88,9 @@ class PtyPort:
 class ServedRig:
     """A rig whose devices are connected to ptys; `exchange` advances its time.
 
-    The links to the ports are in the folder ``links``, or in a temporary one that `close` removes.
-    They keep their names when a port is unplugged.
+    The symbolic links to the ptys are in the folder ``links``. If this is None, they are in a
+    temporary folder, which `close` removes. A device that is unplugged and plugged in again gets
+    a new pty, but the name of its link stays the same.
 
     Raises `RigError` if the path of a link exists and is not a link.
     """
@@ -117,12 +119,12 @@ class ServedRig:
 
     @property
     def files(self) -> list[int]:
-        """File descriptors of the plugged-in ports, which receive bytes from drivers."""
+        """File descriptors of the plugged-in ports, for `select`."""
         return [port.fileno() for port in self._ports.values() if port.is_open]
 
     @property
     def due_s(self) -> float:
-        """Time of the rig at which `exchange` is due if no driver sends anything [s]."""
+        """Time of the rig [s] at which `exchange` must be called if no driver sends anything."""
         return self.rig.step_time_s(min(map(self._find_due_s, self._lines)))
 
     def _find_due_s(self, name: str) -> float:
@@ -160,10 +162,10 @@ class ServedRig:
 
 
 class RigClock:
-    """The clock of one or several rigs, which starts at 0 and follows the host's clock.
+    """Runs one or several rigs in real time, starting from time 0.
 
-    If the host is too slow to compute all steps, the clock is slowed down, so that the rig does
-    not fall further and further behind.
+    If the host is too slow to compute all steps in time, the time of the rigs passes more slowly
+    than the time of the host.
     """
 
     def __init__(self, rigs: Sequence[ServedRig]) -> None:
@@ -172,11 +174,14 @@ class RigClock:
         self._now_s = 0.0
 
     def run(self, other: int) -> bool:
-        """Serve until the next byte is due or arrives; return True if ``other`` is readable.
+        """Wait for the next byte to send or receive, and serve it.
+
+        ``other`` is a file descriptor, such as standard input. If it becomes readable, the wait
+        ends and the result is True.
 
         Raises `RigError` when the simulation has stopped.
         """
-        # Waits are short, so that the clock never has to catch up by much.
+        # The wait is limited to _CHUNK_S, so that few steps have to be computed after it.
         due_s = min(self._now_s + _CHUNK_S, *(rig.due_s for rig in self._rigs))
         wait_s = max(self._start_s + due_s - time.monotonic(), 0.0)
         files = [file for rig in self._rigs for file in rig.files]
@@ -185,7 +190,8 @@ class RigClock:
         if behind_s > _MOST_BEHIND_S:
             self._start_s += behind_s
             behind_s = 0.0
-        # Time is advanced in parts, so that bytes from drivers are read in between.
+        # If the rigs are late, they advance by at most _CHUNK_S per call. In this way, bytes from
+        # the drivers are also read while the rigs catch up.
         self._now_s += min(behind_s, _CHUNK_S)
         try:
             for rig in self._rigs:
@@ -196,11 +202,11 @@ class RigClock:
 
 
 class WeightStand:
-    """Server of a load cell on a pty; a context manager.
+    """Simulated load cell on a pty, on which weights are hung; a context manager.
 
-    If its driver uses scale 1 and offset 0, the reading in newtons is
-    ``(force - offset_n + hysteresis) / scale``. Scale and offset are the true values that a
-    calibration has to find. The hysteresis affects only decreasing loads [N].
+    A driver with scale 1 and offset 0 reads ``(force - offset_n + hysteresis) / scale`` newtons.
+    ``scale`` and ``offset_n`` are therefore the values that a calibration must find.
+    ``hysteresis_n`` [N] is added after a heavier weight has been replaced by a lighter one.
     """
 
     def __init__(
@@ -231,7 +237,7 @@ class WeightStand:
         self._folder.cleanup()
 
     def hang(self, force_n: float) -> None:
-        """Replace the weight by one of this force [N]."""
+        """Replace the present weight by another one, which pulls with ``force_n`` [N]."""
         self._extra_n = self._hysteresis_n if force_n < self._hung_n else 0.0
         self._hung_n = force_n
 

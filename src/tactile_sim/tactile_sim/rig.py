@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The palpation rig: three devices and one physical state."""
+"""The simulated palpation rig: guide, tendon actuator and sensor on one physical model."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from tactile_sim.physics.trials import Plant
 from tactile_sim.physics.variation import draw_variation, make_generator, Variation
 
 STEP_S = 1e-3
-_SLACK_M = 1e-3  # homing shifts the zero by about 0.6 mm
-_SESSION = -1  # a session that `simulate_trials` never uses
+_SLACK_M = 1e-3  # the tendon counts as slack below; homing shifts its zero by about 0.6 mm
+_SESSION = -1  # session number in the seeds; `simulate_trials` uses none below 0
 
 _MOST_STEPS = 64
-"""Number of steps that are computed in advance."""
+"""Largest number of steps that are computed at once."""
 
-_MOST_TRIALS = 10**6  # per mounting
+_MOST_TRIALS = 10**6  # largest number of trials in one mounting
 
 
 class PalpationRig:
-    """The rig in virtual time, which `advance` moves on.
+    """The rig in virtual time; `advance` simulates it up to a given time.
 
-    The sensor's noise restarts with each pull, from a random stream of that pull. Therefore the
-    same trials have the same noise, independent of the time between them.
+    Each pull of the tendon has its own seed for the noise of the sensor. Therefore, the noise in
+    a trial does not depend on the time that has passed before it.
 
     Parameters
     ----------
     seed : int
         Seed of the trials' variations and of the sensor's noise.
     variation : Variation, optional
-        One variation for all trials; by default, a variation is drawn for each trial.
+        Deviations that all trials have; by default, they are drawn for each trial.
     catalogue : Catalogue, optional
         Plates and objects that can be mounted; by default the packaged descriptions.
     """
@@ -73,7 +73,7 @@ class PalpationRig:
         return self._steps * STEP_S
 
     def step_time_s(self, due_s: float) -> float:
-        """Return the end of the first future step that ends at ``due_s`` or later [s]."""
+        """Return the time [s] at which the first future step that reaches ``due_s`` ends."""
         if math.isinf(due_s):
             return due_s if due_s > 0.0 else (self._steps + 1) * STEP_S
         steps = max(self._steps + 1, int(due_s / STEP_S))
@@ -82,9 +82,9 @@ class PalpationRig:
         return steps * STEP_S
 
     def advance(self, now_s: float) -> float:
-        """Advance in steps of the physics, at most to ``now_s``; return the time reached.
+        """Simulate whole steps of ``STEP_S``, at most up to ``now_s``; return the time reached.
 
-        The result does not depend on the number of calls.
+        The result is the same if the same time is covered with fewer or more calls.
         """
         steps = int(now_s / STEP_S) + 1
         while steps * STEP_S > now_s:
@@ -94,10 +94,11 @@ class PalpationRig:
         return self.now_s
 
     def _take_steps(self, count: int) -> None:
-        """Take at least one and at most ``count`` steps, as many as the devices can foresee.
+        """Simulate between one and ``count`` steps at once.
 
-        The first step includes all actions of the devices. Later steps may include only planned
-        motion. Afterwards it is checked whether the tension interfered with that motion.
+        In the first step, the devices can do anything, such as begin a motion. The further steps
+        only continue motions that the devices can predict. If the tension turns out to disturb
+        the predicted motion of the tendon, the steps after the disturbance are discarded.
         """
         first_s = (self._steps + 1) * STEP_S
         self.tendon.advance(first_s, self._plant.tension_n)
@@ -108,7 +109,7 @@ class PalpationRig:
             self._move(count)
 
     def _rest(self, count: int) -> None:
-        """Take steps in which nothing changes, but at least one."""
+        """Simulate at least one step, and more as long as guide and tendon stand still."""
         tension_n, force_n = self._plant.tension_n, self._plant.contact_force_n
         until_s = min(self.guide.rests_until_s, self.tendon.rests_until_s(tension_n))
         now_s = (self._steps + 1) * STEP_S
@@ -123,11 +124,12 @@ class PalpationRig:
         self.tendon.rest(now_s, tension_n)
 
     def _move(self, count: int) -> None:
-        """Take steps in which something moves; the devices have already done the first one."""
+        """Simulate steps with motion; the devices have already been advanced by the first one."""
         times_s = np.asarray(STEP_S * np.arange(self._steps + 1, self._steps + 1 + count), float)
         guide_m = self.guide.positions_m(times_s)
         foreseen = self.tendon.foresee(times_s[1 : len(guide_m)])
-        # A new pull can begin only in a first step.
+        # The prediction ends before the tendon becomes taut or slack, because `_note_pull` is only
+        # called at the first step.
         same = np.append((foreseen.displacement_m > _SLACK_M) == self._is_pulled, False)
         foreseen = foreseen.shorten(int(np.argmin(same)))
         tendon_m = np.append(self.tendon.displacement_m, foreseen.displacement_m)
@@ -155,9 +157,9 @@ class PalpationRig:
     ) -> dict[str, Any]:
         """Put a plate or object under the finger, or turn the finger to the other contact.
 
-        ``numbers`` are session, mounting and trial, each from 0. Trials with the same session and
-        mounting share their deviations. If ``numbers`` is None, every call starts a new mounting
-        within one session.
+        ``numbers`` are the numbers of session, mounting and trial, which start at 0. Trials with
+        the same session and mounting have the same deviations of session and mounting. If
+        ``numbers`` is None, every call starts a new mounting within one session.
 
         Raises `DescriptionError` for an unknown protocol, object or contact, and
         `TautTendonError` when the tendon is tightened.
@@ -196,7 +198,7 @@ class PalpationRig:
         return {'ok': True, **self._mounted, 'trial': self._trials}
 
     def read_truth(self) -> dict[str, Any]:
-        """Return the true physical state, which no sensor measures directly; for tests."""
+        """Return the true physical state of the simulation, which tests compare with readings."""
         return {
             'time_s': self.now_s,
             'guide_position_m': self.guide.position_m(self.now_s),

@@ -27,7 +27,7 @@ _EXIT_S = 5.0
 
 
 class RigPorts(NamedTuple):
-    """Names of the rig's ports, which do not change when a port is unplugged and plugged in."""
+    """Paths of the rig's ports. They stay the same when a port is unplugged and plugged in."""
 
     guide: str
     tendon: str
@@ -35,16 +35,17 @@ class RigPorts(NamedTuple):
 
 
 class SimulatedRig:
-    """A running simulated rig; a context manager.
+    """A simulated rig that runs in its own process; a context manager.
 
     Parameters
     ----------
     seed : int
-        Seed of variations and noise.
+        Seed of the variations of the trials and of the sensor's noise.
     links : path or sequence of paths, optional
         Folder for the ports, which are symbolic links named guide, tendon and sensor; by default
-        a new folder. If there are several folders, each gets a rig with the next seed, and
-        requests need ``rig``, the index of the folder.
+        a new folder. With several folders, one rig is started per folder, with the seeds
+        ``seed``, ``seed + 1`` and so on. The methods then need the argument ``rig``, which is the
+        index of the folder.
     description : path, optional
         Folder of descriptions that override the packaged ones, see `Catalogue`.
 
@@ -73,8 +74,8 @@ class SimulatedRig:
             stdout=subprocess.PIPE,
             stderr=self._complaints,
             bufsize=0,
-            # The process is not in the foreground group, so that Ctrl-C does not end the rig
-            # before its drivers.
+            # The process gets its own session, so that Ctrl-C in the terminal does not end the
+            # rig before its drivers have ended.
             start_new_session=True,
         )
         self._pending = b''
@@ -98,7 +99,7 @@ class SimulatedRig:
         self.close()
 
     def check_mount(self, protocol: str, object_label: str, contact: str) -> None:
-        """Check that `mount` accepts these names, without a request to the rig.
+        """Check the arguments of `mount` in this process, without a request to the rig.
 
         Raises `DescriptionError` for an unknown protocol, object or contact.
         """
@@ -115,17 +116,18 @@ class SimulatedRig:
     ) -> dict[str, Any]:
         """Put a plate (texture) or object (stiffness) under the finger.
 
-        ``numbers`` are session, mounting and trial, each from 0. Trials with the same session and
-        mounting share their deviations. If ``numbers`` is None, every call starts a new mounting.
+        ``numbers`` are the numbers of session, mounting and trial, which start at 0. Trials with
+        the same session and mounting have the same deviations of session and mounting. If
+        ``numbers`` is None, every call starts a new mounting.
 
-        Raises `TautTendonError` when the tendon is tightened, and `RigError` when the rig refuses
-        for another reason, which the error states, or has ended.
+        Raises `TautTendonError` when the tendon is tightened, and `RigError` when the process of
+        the rig has ended or refuses the request for another reason.
         """
         wanted = {'protocol': protocol, 'object': object_label, 'contact': contact}
         return self._request({'mount': {**wanted, 'numbers': numbers}, 'rig': rig})
 
     def truth(self, rig: int | None = None) -> dict[str, Any]:
-        """Return the state: guide_position_m, tendon_displacement_m, bend_rad, tension_n, ..."""
+        """Return the true physical state; see `tactile_sim.rig.PalpationRig.read_truth`."""
         return self._request({'state': True, 'rig': rig})
 
     def fault(
@@ -138,8 +140,8 @@ class SimulatedRig:
     ) -> None:
         """Begin a fault of a device; `tactile_sim.devices.faults.KINDS` lists faults and options.
 
-        The kind ``none`` ends all faults of the device. A fault lasts ``duration_s`` [s], or until
-        it is ended if that is None; some faults are instantaneous.
+        The kind ``none`` ends all faults of the device. A fault ends after ``duration_s`` [s]. If
+        this is None, it continues until ``none`` is requested. Some faults are instantaneous.
 
         Raises `RigError` for an unknown fault, or when the rig has ended.
         """
@@ -162,7 +164,7 @@ class SimulatedRig:
         if process.stdout is not None:
             process.stdout.close()
         self._complaints.close()
-        if self._own_folder is not None:  # a killed process does not remove its links
+        if self._own_folder is not None:  # in case the process was killed
             shutil.rmtree(self._own_folder, ignore_errors=True)
 
     def _request(self, message: dict[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulated rig as a program: three ptys, and operator commands as lines of JSON."""
+"""Program that serves simulated rigs on pseudo-terminals and takes commands as JSON lines."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ _USAGE = (
 
 
 def main() -> int:
-    """Serve until the end of standard input, or one of `NUMBERS`.
+    """Serve until standard input ends, or until the process receives a signal in `NUMBERS`.
 
-    When ready, prints the ports of each rig as one line of JSON. Answers the commands in `_USAGE`,
-    one JSON object per line; for faults see `tactile_sim.devices.faults`.
+    When the rigs are ready, the paths of their ports are printed, as one line of JSON per rig.
+    Then each line of standard input is a command in JSON (see ``_USAGE``), which is answered by
+    one line. The faults are described in `tactile_sim.devices.faults`.
     """
     parser = argparse.ArgumentParser(
         prog='tactile_sim_rig', description='Serve a simulated palpation rig on pseudo-terminals.'
@@ -99,14 +100,14 @@ def main() -> int:
 
 
 class _Ending:
-    """Ends the program on a signal, immediately or after a while."""
+    """Ends the program after a signal, either immediately or ``linger_s`` seconds later."""
 
     def __init__(self, linger_s: float) -> None:
         self._linger_s = linger_s
         self._end_s = math.inf
 
     def on_signal(self, number: int, frame: object) -> None:
-        # The signals are ignored from now on, because a second one must not interrupt cleaning up.
+        # Further signals are ignored, because they must not interrupt the removal of the ports.
         for other in NUMBERS:
             signal.signal(other, signal.SIG_IGN)
         self._end_s = time.monotonic() + self._linger_s
@@ -115,7 +116,7 @@ class _Ending:
 
     @property
     def is_due(self) -> bool:
-        """True once the linger time after a signal is over."""
+        """True when ``linger_s`` seconds have passed since the signal."""
         return time.monotonic() >= self._end_s
 
 
@@ -125,7 +126,7 @@ def _say(message: object) -> None:
 
 
 def _read_lines(clock: RigClock, ending: _Ending) -> Iterator[bytes]:
-    """Run the clock of the rigs; yield the lines of standard input."""
+    """Yield the lines of standard input, and run the rigs while waiting for them."""
     pending = b''
     while not ending.is_due:
         if not clock.run(0):
@@ -166,7 +167,7 @@ def _answer(rigs: Sequence[ServedRig], line: bytes) -> dict[str, Any]:
 
 
 def _choose(rigs: Sequence[ServedRig], number: Any) -> ServedRig:
-    """Return the rig of this number; None selects the only rig."""
+    """Return the rig with this index. None is accepted if there is only one rig."""
     if number is None and len(rigs) == 1:
         return rigs[0]
     if type(number) is not int or not 0 <= number < len(rigs):
@@ -176,7 +177,7 @@ def _choose(rigs: Sequence[ServedRig], number: Any) -> ServedRig:
 
 
 def _are_numbers(numbers: Any) -> bool:
-    """Return True for numbers of a session, a mounting and a trial, or for None."""
+    """Return True if ``numbers`` is None or a valid list [session, mounting, trial]."""
     if numbers is None:
         return True
     return (

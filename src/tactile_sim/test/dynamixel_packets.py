@@ -9,7 +9,7 @@ _HEADER = b'\xff\xff\xfd\x00'
 
 
 def encode_instruction(device_id: int, code: int, parameters: bytes = b'') -> bytes:
-    """Return an instruction packet, with the stuffing and the checksum of ROBOTIS's SDK."""
+    """Return an instruction packet, with byte stuffing and checksum from ROBOTIS's SDK."""
     sdk = dynamixel_sdk.PacketHandler(2.0)
     length = (len(parameters) + 3).to_bytes(2, 'little')
     packet = sdk.addStuffing([*_HEADER, device_id, *length, code, *parameters, 0, 0])

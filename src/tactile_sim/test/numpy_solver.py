@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Independent reference of the compiled solver, with NumPy arrays.
+"""Reference implementation of the compiled solver with NumPy arrays.
 
-It executes the same arithmetic operations on the same numbers, so it gives the same bits.
+Both solvers execute the same arithmetic operations, so that their results are exactly equal.
 """
 
 import contextlib
@@ -18,14 +18,14 @@ _ALL = slice(None)
 
 
 def in_use(name):
-    """Make the simulator use this solver, ``compiled`` or ``numpy``, within the block."""
+    """Return a context in which the simulator uses the solver ``compiled`` or ``numpy``."""
     if name == 'compiled':
         return contextlib.nullcontext()
     return mock.patch.object(solver, 'load_advance', return_value=advance)
 
 
 def advance(state, scene, lengths, start, inputs, coefficients, control, rows, out, failed):
-    """Advance all trials; see `solver.advance_trials`."""
+    """Advance all trials by all steps; see `solver.advance_trials`."""
     z = np.zeros((at.ROWS, state.shape[1]))
     z[: at.TRIAL_ROWS] = state
     part_inputs = np.empty(at.INPUTS)
@@ -36,7 +36,7 @@ def advance(state, scene, lengths, start, inputs, coefficients, control, rows, o
                 z[at.FRESH] = 1.0
             pending = failed < 0
             for level in range(steps.MAX_HALVINGS + 1):
-                # A trial without balance is retried from the start of the step, in 2^level parts.
+                # If no balance was found for a trial, its step is repeated in 2^level parts.
                 kept = z[: at.STATE_ROWS].copy()
                 z[at.ACTIVE] = pending
                 z[at.FRESH, pending] = 1.0 if level else z[at.FRESH, pending]

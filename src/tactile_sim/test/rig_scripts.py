@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scripts: actions of drivers, operators and faults on a simulated rig, in virtual time.
+"""Scripts of driver commands, mountings and faults, which are run on a simulated rig.
 
-`recorded_rigs.npz` contains the result of each script with the rig of commit c3a91d4a, which
-advanced by single steps and polled every line after each step. To record the results again, run
-this file in a checkout of the code whose behaviour is the reference.
+`recorded_rigs.npz` contains the results of the scripts at commit c3a91d4a. At that commit, the
+rig advanced by single steps and polled every line after each step. To record the results again,
+run this file in a checkout of the commit that is the reference.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TRUTH = (
 
 
 class Script(NamedTuple):
-    """Commands of each step: (device, bytes), ('mount', names) or ('fault', request)."""
+    """Commands by step number: (device, bytes), ('mount', names) or ('fault', request)."""
 
     seed: int
     steps: int
@@ -45,7 +45,7 @@ class Script(NamedTuple):
 
 
 class Told(NamedTuple):
-    """Bytes that drivers received, as (step, device, data), and the true states."""
+    """Result of a script: bytes sent by the devices (step, device, data), and true states."""
 
     said: list[tuple[int, str, bytes]]
     truth: np.ndarray
@@ -106,7 +106,7 @@ class _Writer:
 
 
 def _write_texture():
-    """Write two glides over a plate, with polls, a pause in the second one, and a new mounting."""
+    """Return a script of two glides over plates, with a pause in the second glide."""
     script = _Writer(1)
     script.prepare(speed=60, watchdog=15)
     script.poll(0.05, 11.0)
@@ -120,13 +120,13 @@ def _write_texture():
     script.guide(8.6, b'G1X-140F1800\nG4P0.1\nG1X-139F300\n')
     script.guide(8.9, b'!')
     script.guide(9.2, b'~')
-    # Polling ends, so the watchdog stops the servo.
+    # The polls have ended at 11 s, so the servo's bus watchdog stops this motion.
     script.pull(11.1, 0.0)
     return script.end(12.5)
 
 
 def _write_stiffness():
-    """Write presses on objects: a hold, a stall of the servo, and a loss of its torque."""
+    """Return a script of presses on objects, in which the servo stalls and loses its torque."""
     script = _Writer(2)
     script.prepare(speed=50)
     script.mount(3.0, 'stiffness', 'sponge', 'flexion')
@@ -143,7 +143,7 @@ def _write_stiffness():
 
 
 def _write_faults():
-    """Write faults of every line during a pull and moves, with the polls of the drivers."""
+    """Return a script with faults of all three devices during a pull and moves of the guide."""
     script = _Writer(3)
     script.prepare(watchdog=30)
     script.poll(0.05, 14.0)
@@ -186,7 +186,7 @@ SCRIPTS = {
 
 
 def make_lines(rig, seed):
-    """Return the lines between devices and drivers, as the server of a rig creates them."""
+    """Return the serial lines between devices and drivers, as `ServedRig` creates them."""
     return {
         'guide': GuideLine(rig.guide, seed),
         'tendon': TendonLine(rig.tendon, seed + 1),
@@ -195,7 +195,7 @@ def make_lines(rig, seed):
 
 
 def obey(rig, lines, step, commands):
-    """Execute the commands of a step; return the immediate replies."""
+    """Execute the commands of a step; return the replies of the devices to them."""
     said = []
     now_s = step * STEP_S
     for kind, what in commands:
@@ -210,7 +210,7 @@ def obey(rig, lines, step, commands):
 
 
 def run_by_steps(script):
-    """Advance step by step, and poll every line after each."""
+    """Run a script step by step, and poll every line after each step."""
     rig = PalpationRig(script.seed)
     lines = make_lines(rig, script.seed)
     said, truth = [], []
@@ -225,7 +225,7 @@ def run_by_steps(script):
 
 
 def run_by_events(script):
-    """Advance to the next command or due byte, and poll the lines that are due."""
+    """Run a script directly to each next command or byte, and poll only lines with output."""
     rig = PalpationRig(script.seed)
     lines = make_lines(rig, script.seed)
     commands = sorted(script.commands)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes with changed descriptions, and short runs of scenes with steps of any length."""
+"""Helpers that build scenes with changed fingers or objects, and simulate them."""
 
 import dataclasses
 from typing import NamedTuple
@@ -21,7 +21,7 @@ PULL_M = {'flexion': 0.0054, 'abduction': 0.0075}
 
 
 class Run(NamedTuple):
-    """States before the first step and after each, shape (rows, trials, steps + 1)."""
+    """Result of `run`; ``rows`` are the states at all times, shape (rows, trials, steps + 1)."""
 
     rows: np.ndarray
     failed: np.ndarray
@@ -29,7 +29,7 @@ class Run(NamedTuple):
 
 
 def change(scene, body=None, **finger):
-    """Return the scene with another body, or with other fields of its finger."""
+    """Return the scene with another object (``body``) and changed fields of its finger."""
     finger = dataclasses.replace(scene.finger, **finger)
     return dataclasses.replace(scene, finger=finger, body=body or scene.body)
 
@@ -40,7 +40,7 @@ def free_scene(contact='flexion', **finger):
 
 
 def object_scene(body, contact='flexion', **finger):
-    """Return a scene with the given body under the finger."""
+    """Return a scene with the object ``body`` under the finger."""
     return change(build_scene('stiffness', 'sponge', contact), body=body, **finger)
 
 
@@ -57,7 +57,7 @@ def own_plate(plate):
 
 
 def draw(count, protocol='texture', label='R2', contact='flexion', seed=1):
-    """Return the deviations of some trials."""
+    """Return a random variation of ``count`` trials."""
     catalogue = default_catalogue()
     return draw_variation(catalogue, contact, protocol, label, seed, 0, count)[0]
 
@@ -82,10 +82,11 @@ def run(
     state=None,
     failed=None,
 ):
-    """Advance from rest or from a state; inputs are given before the first step and after each.
+    """Simulate trials from rest, or from ``state``, with one step per interval of ``tendon_m``.
 
-    If ``euler`` is True, each step is treated as if the step before it had another length.
-    ``failed`` contains the steps at which trials have failed before.
+    ``tendon_m`` and ``guide_m`` are the positions before the first step and after each step. If
+    ``euler`` is True, all steps are implicit Euler steps, as after a change of the step length.
+    ``failed`` contains the step at which each trial has failed in an earlier run, or -1.
     """
     tendon_m = np.asarray(tendon_m)
     steps = len(tendon_m) - 1
@@ -108,6 +109,6 @@ def run(
             tolerance_nm=tolerance_nm,
             trusted_nm=trusted_nm,
         )
-    # From (blocks, steps + 1, rows, width) to trials side by side.
+    # The shape (blocks, steps + 1, rows, width) becomes (rows, trials, steps + 1).
     rows = np.moveaxis(out, 0, 2).reshape(out.shape[1], out.shape[2], -1)
     return Run(np.transpose(rows[..., : len(failed)], (1, 2, 0)), failed, state)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check that a client fulfils the contract of `SensorClient`; for tests of your own sensors."""
+"""Check of a user's own `SensorClient`, for use in tests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FAULT = 'the consumer of check_sensor fails once'
 
 
 class SensorCheckError(TendonSensorError):
-    """A client violates the contract of `SensorClient`.
+    """A client does not behave as `SensorClient` requires.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class SensorCheckError(TendonSensorError):
 
 
 def check_sensor(make: MakeSensor, blocks: int = 10, timeout_s: float = 20.0) -> None:
-    """Check that a client fulfils the contract of `SensorClient`.
+    """Check that a client behaves as `SensorClient` requires.
 
     The check opens the client, whose sensor must send samples, lets the consumer of the blocks
     fail once, and closes the client. It verifies the blocks, that sequence numbers and stamps

@@ -29,7 +29,7 @@ from tendon_sensor_driver.types import SensorHealth
 _WRITE_TIMEOUT_S = 0.5
 _MOST_BYTES = 4096
 
-# Exceptions that pyserial raises when a device is unplugged; termios.error is not an OSError.
+# Exceptions that pyserial raises when a device is unplugged.
 _FAILURES = (OSError, termios.error, ValueError)
 
 _REMEDIES = {
@@ -61,7 +61,7 @@ class SerialTransport:
     def __init__(self, port: str, baud: int) -> None:
         self._name = port
         try:
-            # Exclusive access, because two readers would each receive a part of the lines.
+            # The access is exclusive, because two programs would each read a part of the bytes.
             self._port = serial.Serial(
                 port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
             )
@@ -74,8 +74,8 @@ class SerialTransport:
         self._wait = waiting.poll
 
     def read(self, timeout_s: float) -> bytes:
-        """Return the received bytes; none after ``timeout_s`` [s] of silence."""
-        # Like pyserial's read, but with a single wait and a single read for all received bytes.
+        """Return the received bytes, or no bytes if none arrive within ``timeout_s`` [s]."""
+        # This is faster than pyserial's read, as it waits and reads only once.
         if not self._wait(timeout_s * 1000):
             return b''
         try:
@@ -186,13 +186,13 @@ class SensorClient(ABC):
         """Return the present state of the link."""
 
     def set_at_rest(self, is_at_rest: bool) -> None:  # noqa: B027
-        """Choose the size of the blocks: larger while the tendon is at rest. On any thread."""
+        """Use larger blocks while the tendon is at rest. Can be called from any thread."""
 
     # -- for subclasses ------------------------------------------------------------------
 
     def _make_health(self, stream: Stream[Any] | None, **values: Any) -> SensorHealth:
-        """Return the health: fields of all sensors, counters of the stream, and ``values``."""
-        # Computed from the monotonic clock, so that it stays valid when the host's clock is set.
+        """Return the fields that all sensors have, and ``values`` for the other fields."""
+        # The time is derived from the monotonic clock, because the host's clock can be set.
         heard_at_ns = self._host_ns() - (time.monotonic_ns() - self._heard_monotonic_ns)
         common: dict[str, Any] = {'reconnects': self._reconnects, 'last_error': self._last_error}
         if stream is not None:
@@ -223,7 +223,7 @@ class SensorClient(ABC):
         try:
             self._on_block(block)
         except Exception as error:
-            # An exception of the consumer does not end the stream; each is logged once.
+            # An exception of ``on_block`` does not end the stream. It is not logged repeatedly.
             text = f'the consumer of the blocks failed: {error}'
             if text != self._last_error:
                 self._last_error = text
@@ -240,8 +240,8 @@ LinkType = TypeVar('LinkType', bound=_Link)
 class LinkClient(SensorClient, Generic[LinkType]):
     """Base class of clients that read from a link in one thread and reconnect after a loss.
 
-    The first attempt to reconnect follows after 0.25 s, further ones every 0.5 s. A subclass
-    sets ``_stream``.
+    The first attempt to reconnect follows 0.25 s after the loss, and further attempts every 0.5 s.
+    Subclasses must set ``_stream``.
     """
 
     _stream: Stream[Any]
@@ -284,14 +284,14 @@ class LinkClient(SensorClient, Generic[LinkType]):
         """Read and deliver the received samples; raise LinkError if the link is lost."""
 
     def _note_loss(self, link: LinkType) -> None:
-        """Accumulate the counters of a link that has been closed."""
+        """Add the counters of a link that has been closed to the totals."""
 
     def _wants_pause(self, error: LinkError) -> bool:
         """Return True if the client should wait before it reconnects after this error."""
         return True
 
     def _note_samples(self, monotonic_ns: int) -> None:
-        """Record that samples arrived at this monotonic time [ns], so the link works."""
+        """Record the monotonic time [ns] at which samples have arrived."""
         self._heard_monotonic_ns = monotonic_ns
         self._delay_s = FIRST_DELAY_S
         if not self._is_connected:

@@ -1,12 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stamps of samples from host and device clocks, and the number of missing samples.
+"""Time stamps of samples from the clocks of host and device, and detection of missing samples.
 
-A `SampleClock` assigns a time to each sample of one sensor. It drops duplicate and late samples
-and those with an implausible time, and returns the others as `Run` of consecutive samples. A
-clock that handles one sample at a time implements `place`; one that handles whole batches
-overrides `place_batch`.
+A `SampleClock` assigns a time to each sample of one sensor. It drops samples that are duplicate,
+late or have an implausible time, and returns the others as runs of consecutive samples (`Run`).
+A subclass implements either `place` for single samples or `place_batch` for several samples.
 """
 
 from __future__ import annotations
@@ -26,58 +25,62 @@ from tactile_ros.strain import StrainStatus
 
 SECOND_NS = 1_000_000_000
 STEP_NS = SECOND_NS
-"""A rise of the time difference above this is treated as a clock step, not as a delay [ns]."""
+"""If the offset between host and device time rises by more than this [ns], a clock has jumped."""
 
+# Constants of `ClockSkewFilter`. A "minimum" is the smallest difference within about a second.
 _HORIZON = 30  # number of stored minima
-_LEAST_SAMPLES = 30  # samples per minimum, so that it is likely to contain a short delay
-_MOST_SECONDS = 3  # longest time for one minimum, for devices with few samples per second
-_FORGET_S = 8.0  # time constant of the weights, to follow a changing drift
-_FEWEST = 5  # fewest minima for an estimate of the slope
-_RECENT = 10  # latest minima, from which the scatter is estimated
-_LARGEST_SLOPE = 0.01  # a ceramic resonator deviates by 0.5 %
-_RISE_NS = 50_000_000  # if all of the latest minima rise by more, the host's clock was set
-_CHANGE_NS = 500_000  # allowance for a drift that changes by 10 ppm and for periodic bursts
+_LEAST_SAMPLES = 30  # fewest samples for a minimum, so that one of them has a short delay
+_MOST_SECONDS = 3  # longest time for a minimum with fewer samples
+_FORGET_S = 8.0  # time constant [s] with which the weights of older minima decrease
+_FEWEST = 5  # fewest minima from which the slope is estimated
+_RECENT = 10  # number of latest minima from which the scatter is estimated
+_LARGEST_SLOPE = 0.01  # the clock of a board with a ceramic resonator deviates by up to 0.5 %
+_RISE_NS = 50_000_000  # rise of the latest minima above the line that means a clock was set
+_CHANGE_NS = 500_000  # added to the error bound, for changes of the drift and periodic bursts
 
 
 class ClockSkewFilter:
-    """Linear lower bound of "arrival time minus device time", refitted once a second.
+    """Estimate of the offset between host and device clock: a line below all differences.
 
-    A delay only ever increases this difference, so its lower bound follows the clocks. The
-    filter stores the smallest difference of each second. If a second has fewer than thirty
-    samples, the interval is extended to thirty samples, but to three seconds at most. The line is
-    an edge of the lower convex hull of the latest thirty minima: the edge at their mean time, in
-    which recent minima have a higher weight. If the latest five minima are more than 50 ms above
-    the line, a clock was set, and older minima are dropped.
+    The difference "arrival time minus device time" is the offset of the clocks plus the delay of
+    the sample, which is never negative. The offset is therefore estimated by a line that bounds
+    the differences from below. It is fitted again about once a second.
+
+    The filter stores the smallest difference ("minimum") of each second. If a second has fewer
+    than thirty samples, the interval is extended to thirty samples, but to three seconds at most.
+    From the latest thirty minima, the lower convex hull is computed. The line is the edge of this
+    hull at the mean time of the minima, to which recent minima contribute more. If the latest
+    five minima are more than 50 ms above the line, a clock was set, and older minima are dropped.
 
     Attributes
     ----------
     slope : float
-        Drift: host time per device time, minus one [1]; within ±0.01.
+        Slope of the line: host time per device time, minus one. It is limited to ±0.01.
     scatter_ns : int
         Bound on the error of the line [ns]: three times the median distance of the latest ten
         minima above the line (three times the largest distance if there are fewer than ten),
-        plus 0.5 ms for errors that are not visible here. Negative until the slope is known.
+        plus 0.5 ms for errors that the minima do not show. Negative until the slope is known.
     """
 
     def __init__(self) -> None:
         self.slope = 0.0
         self.scatter_ns = -1
         self._points: deque[tuple[int, int]] = deque(maxlen=_HORIZON)
-        self._device_ns = 0  # device time of a point of the line [ns]; its value is _difference_ns
+        self._device_ns = 0  # device time of the point (_device_ns, _difference_ns) of the line
         self._difference_ns = 0
-        self._second = 0  # device time of the present minimum [s]
+        self._second = 0  # device time at which the present interval began [s]
         self._samples = 0
         self._least = (0, 0)
 
     def restart(self, device_ns: int, difference_ns: int) -> None:
-        """Restart from one point. The slope is kept, because the oscillators are the same."""
+        """Forget all minima, and begin the line at this point with the slope known so far."""
         self._points.clear()
         self.scatter_ns = -1
         self._device_ns, self._difference_ns = device_ns, difference_ns
         self._begin_least(device_ns, difference_ns)
 
     def shift(self, step_ns: int) -> None:
-        """Shift the line and the minima by a step of the host's clock [ns]."""
+        """Shift the line and all minima by ``step_ns``, after the host's clock has been set."""
         self._difference_ns += step_ns
         self._least = (self._least[0], self._least[1] + step_ns)
         self._points = deque(
@@ -86,11 +89,11 @@ class ClockSkewFilter:
         )
 
     def at(self, device_ns: int) -> int:
-        """Return the value of the line at a device time [ns]."""
+        """Return the estimated offset [ns] at a device time [ns]."""
         return self._difference_ns + round(self.slope * (device_ns - self._device_ns))
 
     def add(self, device_ns: int, difference_ns: int) -> int:
-        """Add the difference of a newer sample; return the line's value at its time [ns]."""
+        """Add the difference of the next sample; return the estimated offset at its time [ns]."""
         seconds = device_ns // SECOND_NS - self._second
         if seconds >= (1 if self._samples >= _LEAST_SAMPLES else _MOST_SECONDS):
             self._points.append(self._least)
@@ -120,7 +123,7 @@ class ClockSkewFilter:
             points = newest
             self._points.clear()
             self._points.extend(newest)
-        # Times are relative to the newest point, so that the precision of floats is sufficient.
+        # Values relative to the newest minimum are small enough for the precision of floats.
         origin_ns, base_ns = points[-1]
         relative = [((x - origin_ns) / 1e9, float(y - base_ns)) for x, y in points]
         if len(points) >= _FEWEST:
@@ -136,7 +139,7 @@ class ClockSkewFilter:
 
 
 def _compute_slope(points: list[tuple[float, float]]) -> float:
-    """Return the slope of the lower hull's edge below the weighted mean of the x values."""
+    """Return the slope of the lower convex hull at the weighted mean of the x values."""
     weights = [math.exp(x / _FORGET_S) for x, _ in points]
     mean = sum(w * x for w, (x, _) in zip(weights, points, strict=True)) / sum(weights)
     hull: list[tuple[float, float]] = []
@@ -159,7 +162,7 @@ _SLEW_DIVISOR = 20
 _LATE_NS = SECOND_NS // 4
 _EARLY_NS = SECOND_NS
 _WRAP_TICKS = 1 << 32
-_MOST_WAITED_NS = 10 * SECOND_NS  # 4096 bytes of a port are 5 s of lines at 60 Hz
+_MOST_WAITED_NS = 10 * SECOND_NS  # a full buffer of 4096 bytes holds 5 s of lines at 60 Hz
 _LEAST_STEP_NS = SECOND_NS // 10
 _QUICK_NS = SECOND_NS // 1000
 _ATTEMPTS = 3
@@ -168,11 +171,11 @@ _STEP, _LEAP = int(StrainStatus.CLOCK_STEP), int(StrainStatus.RESYNCHRONISED)
 
 
 class ArrivalClock:
-    """The host's clock, with detection of clock steps by means of the monotonic clock.
+    """Reads the host's clock, and detects when this clock has been set.
 
-    The host's clock may be set at any moment, the monotonic clock never. A change of their
-    difference by more than 0.1 s between two calls of `now_ns` is a step of the host's clock. A
-    slow change is drift, as with simulated time. Not thread-safe.
+    The host's clock is compared with the monotonic clock, which is never set. If their difference
+    changes by more than 0.1 s between two calls of `now_ns`, the host's clock has been set, which
+    is called a step. Slower changes are ignored. Not thread-safe.
 
     Attributes
     ----------
@@ -187,8 +190,8 @@ class ArrivalClock:
         self._slack_ns = 0
 
     def now_ns(self) -> int:
-        """Return the host's time [ns]; add a step since the last call to ``step_ns``."""
-        for _ in range(_ATTEMPTS):  # other threads may run between reading the two clocks
+        """Return the host's time [ns]. If the clock has been set, add the step to ``step_ns``."""
+        for _ in range(_ATTEMPTS):  # repeated if another thread ran between the two readings
             before_ns = time.monotonic_ns()
             now_ns = self._now_ns()
             slack_ns = time.monotonic_ns() - before_ns
@@ -217,14 +220,14 @@ class Instant(NamedTuple):
     stamp_error_s: float  # bound on the error of the stamp [s]; negative if not known
     is_restart: bool = False  # the device's clock restarted, so ``device_ns`` is discontinuous
     is_step: bool = False  # the stamp jumps because the host's clock was set
-    # The stamp jumps without a step of the host's clock: the device or the link paused.
+    # The stamp jumps although the host's clock was not set, as after a pause of device or link.
     is_leap: bool = False
 
 
 class Batch(NamedTuple):
     """Samples that were read together, in order of arrival."""
 
-    # Host time at which sample number ``timed`` arrived [ns]; the others arrived close to it.
+    # Host time at which the sample with the index ``timed`` arrived [ns].
     received_at_ns: int
     tension_n: NDArray[np.float64]  # tension [N], float64, shape (samples,)
     # Device time or counter of each sample; None for a device without a clock.
@@ -233,8 +236,8 @@ class Batch(NamedTuple):
     wrench: NDArray[np.float64] | None = None
     # Bits of `StrainStatus` as reported by the device, uint32, shape (samples,)
     status: NDArray[np.uint32] | None = None
-    timed: int = 0  # index of the sample whose time of arrival is known
-    # Record numbers, counted from the start of the link's session, uint32, shape (samples,)
+    timed: int = 0  # index of the sample that arrived at ``received_at_ns``
+    # Numbers that the sensor gives the records since its stream started, uint32, shape (samples,)
     records: NDArray[np.uint32] | None = None
 
 
@@ -242,7 +245,7 @@ class Run(NamedTuple):
     """Consecutive samples of a batch without a gap between them."""
 
     samples: slice | NDArray[np.intp]  # index of the samples in the batch, oldest first
-    stamp_ns: int  # ROS time of the first sample [ns]; the others follow at the clock's period
+    stamp_ns: int  # ROS time of the first sample [ns]; the others follow by the period
     stamp_error_s: float  # bound on the error of the stamps [s]; negative if not known
     lost: int = 0  # number of samples missing before the first one
     event: int = 0  # bits of `StrainStatus`: restart, clock step or jump before the first sample
@@ -251,10 +254,10 @@ class Run(NamedTuple):
 class SampleClock:
     """Base class of the clocks, which assign times to the samples of one sensor.
 
-    The number of missing samples is the device time between two neighbouring samples in whole
-    periods, minus one. Only neighbours are compared. Therefore, coarse ticks or a small deviation
-    of the device's rate do not add up to a false gap. If the rate deviates by 100 ppm, a gap of
-    several thousand samples is still counted exactly.
+    The number of missing samples between two samples is the difference of their device times in
+    whole periods, minus one. Errors do not accumulate, because only neighbouring samples are
+    compared. If the rate of the device deviates by 100 ppm, a gap of several thousand samples is
+    still counted exactly.
 
     Attributes
     ----------
@@ -270,22 +273,22 @@ class SampleClock:
     def __init__(self, period_ns: int) -> None:
         self.period_ns = period_ns
         self.duplicates = self.late_samples = self.outliers = self.restarts = 0
-        self._outlier: tuple[int, int] | None = None  # sample time, time of arrival [ns]
+        self._outlier: tuple[int, int] | None = None  # device time, arrival [ns]
         self._device_ns: int | None = None  # device time of the newest accepted sample
 
     def note_reconnection(self) -> None:
         """Record that the link was lost and re-established before the next sample."""
 
     def note_step(self, step_ns: int) -> None:
-        """Follow a step of the host's clock [ns] that occurred before the next sample."""
+        """Record that the host's clock was set by ``step_ns`` before the next sample."""
         if self._outlier is not None:
             self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
 
     def note_newest(self, ticks: int | None, received_at_ns: int) -> None:
-        """Announce the newest of several samples that arrived together, before `place`.
+        """Record the newest of several samples that arrived together, before they are placed.
 
-        The newest sample has waited for the shortest time in the port, so its arrival gives the
-        best first estimate of the clock's offset.
+        The newest sample has waited in the port for the shortest time. Its time of arrival is
+        therefore the best first estimate of the offset between host and device clock.
         """
 
     def place_batch(self, batch: Batch) -> list[Run]:
@@ -323,7 +326,7 @@ class SampleClock:
         return periods - 1 if periods > 1 else 0
 
     def _drop_old(self, behind_ns: int) -> None:
-        """Count a sample that is this far [ns] behind the newest one; 0 is a duplicate."""
+        """Count a sample that is not newer than the newest one as duplicate or late."""
         if behind_ns:
             self.late_samples += 1
         else:
@@ -332,7 +335,7 @@ class SampleClock:
     def _continues_outlier(self, time_ns: int, received_at_ns: int, slack_ns: int) -> bool:
         """Return True if this sample confirms the previous outlier; else count it as an outlier.
 
-        Two consistent samples in a row mean that the clock behind them was restarted or set.
+        If two outliers in a row agree with each other, the device's clock was restarted or set.
         """
         before, self._outlier = self._outlier, (time_ns, received_at_ns)
         if before is not None and 0 < time_ns - before[0] <= received_at_ns - before[1] + slack_ns:
@@ -342,7 +345,7 @@ class SampleClock:
 
 
 class HostClock(SampleClock):
-    """Clock of a device without a clock: stamps are times of arrival, strictly increasing."""
+    """Assigns the time of arrival to samples without device time; stamps always increase."""
 
     def __init__(self, period_ns: int) -> None:
         super().__init__(period_ns)
@@ -361,28 +364,28 @@ class HostClock(SampleClock):
 
 
 class DeviceClock(SampleClock):
-    """Maps the ticks of one device to ROS time.
+    """Converts the device time of samples to ROS time.
 
-    stamp = device time + offset. The offset follows the lower bound of "arrival time minus
-    device time" (`ClockSkewFilter`), by at most 1/20 of the elapsed device time. Thus the
-    difference of two stamps equals the difference of their device times within 6 %, and stamps
-    never decrease. A step of the host's clock, announced by `note_step`, shifts bound and stamps
-    immediately. An unannounced upward jump of the bound means that the device clock paused. The
-    stamps follow it when the bound is more than 1 s above them.
+    The stamp of a sample is its device time plus an offset, which follows the offset that
+    `ClockSkewFilter` estimates. It changes by at most 1/20 of the elapsed device time. Therefore,
+    the difference of two stamps equals the difference of their device times within 6 %, and
+    stamps never decrease. There are two exceptions. `note_step` shifts the offset immediately
+    when the host's clock was set. If the estimated offset rises by more than 1 s without such a
+    step, the clock of the device has paused, and the stamps jump forward.
 
-    The stated error is the sum of one tick, the distance between offset and bound, and the error
-    of the bound. It is unknown during the first five seconds. It does not include the constant
-    part of the delay from the sensor to the host, which cannot be measured here.
+    The stated error of a stamp is the sum of one tick, the distance of the offset from the
+    estimated offset, and the error of the estimate. It is unknown during the first five seconds.
+    It does not include the constant part of the delay from sensor to host, which cannot be
+    measured here.
 
-    The first samples may have waited in the port until the reading thread started. The newest of
-    them has waited for the shortest time and gives the first offset.
+    The first samples can wait in the port until the reading thread starts. Therefore, the first
+    offset is taken from the newest of them, which has waited for the shortest time.
 
-    A 32-bit tick counter may wrap. Samples whose device time does not increase are dropped: a
-    duplicate has the device time of the sample before it, a late sample is up to 0.25 s older. A
-    sample that is even older, or more than 1 s ahead of the host, is an outlier and is dropped,
-    too. If the next sample is consistent with the outlier, the device has restarted. After a
-    reconnection, no old data survive in the port. A single sample of this kind, or a sample that
-    is more than 1 s behind the host, then means that the device has restarted.
+    The device time can be a 32-bit counter that wraps. Samples are dropped if they are duplicates
+    (same device time as the sample before), late (up to 0.25 s older) or outliers (even older, or
+    more than 1 s ahead of the host). If two outliers in a row agree, the device has restarted.
+    After a reconnection, the port contains no old data. The device has then restarted if already
+    the first sample would be an outlier, or if it is more than 1 s behind the host.
 
     Parameters
     ----------
@@ -395,20 +398,19 @@ class DeviceClock(SampleClock):
     def __init__(self, tick_s: float, period_ns: int) -> None:
         super().__init__(period_ns)
         self._tick_s = tick_s
-        # The tick is stored as a fraction (0.001 becomes 1/1000), so that the time stays exact
-        # over days.
+        # The tick is stored as an exact fraction, so that errors of rounding do not add up.
         tick_ns = Fraction(tick_s).limit_denominator(10**9) * SECOND_NS
         self._numerator, self._denominator = tick_ns.numerator, tick_ns.denominator
         self._skew = ClockSkewFilter()
         self._last: Instant | None = None
         self._last_ns = 0  # device time of the last sample
         self._wrapped_ticks = 0
-        self._offset_ns = self._line_ns = 0  # offset and lower bound at the last sample
-        self._first_offset_ns: int | None = None  # offset of the newest of the first samples
+        self._offset_ns = self._line_ns = 0  # used and estimated offset at the last sample
+        self._first_offset_ns: int | None = None  # from `note_newest`
         self._is_reconnected = False
 
     def note_reconnection(self) -> None:
-        # The next sample is recent, and the device may have restarted.
+        # The next sample shows whether the device has restarted; see the class.
         self._is_reconnected = True
 
     def note_step(self, step_ns: int) -> None:
@@ -469,7 +471,7 @@ class DeviceClock(SampleClock):
         offset_ns = self._line_ns = self._skew.add(device_ns, received_at_ns - device_ns)
         away_ns = self._offset_ns - self._skew.at(self._last_ns)
         lack_ns = 0
-        if away_ns >= -STEP_NS:  # otherwise the stamps jump to the lower bound
+        if away_ns >= -STEP_NS:  # otherwise the stamps jump to the estimated offset
             lack_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
             offset_ns += lack_ns if away_ns > 0 else -lack_ns
         is_leap = offset_ns - self._offset_ns > STEP_NS
@@ -479,10 +481,13 @@ class DeviceClock(SampleClock):
     def _stamp(
         self, device_ns: int, lack_ns: int, *, is_restart: bool, is_leap: bool = False
     ) -> Instant:
-        """Return the time of a sample; ``lack_ns`` is the distance from offset to bound [ns]."""
+        """Return the time of a sample.
+
+        ``lack_ns`` is the distance of the used offset from the estimated offset [ns].
+        """
         stamp_ns = device_ns + self._offset_ns
         if self._last is not None and stamp_ns <= self._last.stamp_ns:
-            stamp_ns = self._last.stamp_ns + 1  # possible if a tick is only a few nanoseconds
+            stamp_ns = self._last.stamp_ns + 1  # only needed if a tick is a few nanoseconds
         self._last_ns = device_ns
         self._outlier = None
         self._is_reconnected = False

@@ -18,23 +18,26 @@ NEWTONS = {
     'N': 1.0,
     'mN': 0.001,
     'kN': 1000.0,
-    'lbf': 4.4482216152605,  # 0.45359237 kg
-    'oz': 0.27801385095378125,  # 1/16 lbf
+    'lbf': 4.4482216152605,  # 1 lb is 0.45359237 kg
+    'oz': 0.27801385095378125,  # 1 oz is 1/16 lb
 }
-"""Newtons per unit, exact. Weights are converted at standard gravity (CGPM 1901)."""
+"""Exact number of newtons per unit. Masses are converted with standard gravity (CGPM 1901)."""
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
 NORM = 'norm'
-"""Value of ``axis`` for the magnitude of the force vector of a wrench on a topic."""
+"""Value of ``axis`` that selects the magnitude of the force of a wrench on a topic."""
 _LOW_PASSES_HZ = (0, 838, 326, 152, 73, 35, 18, 8, 5, 1500, 2000, 2500, 3000)
 LOW_PASS_CODES = {cutoff_hz: code for code, cutoff_hz in enumerate(_LOW_PASSES_HZ)}
-"""ATI's code of the low-pass filter of a Net F/T for each cut-off frequency [Hz]; 0 Hz: off."""
+"""Code of a Net F/T's low-pass filter by cut-off frequency [Hz]; 0 Hz means no filter."""
 
 MOST_BLOCKS_HZ, REST_BLOCKS_HZ = 100, 20
-"""Default limits of the block rate, in general and while the tendon is at rest [Hz]: each block
-costs a message or a call of each stage."""
+"""Highest default rate of blocks [Hz], in general and while the tendon is at rest.
+
+The rate is limited, because each block is published and processed separately.
+"""
 
 _LEAST_RATE_HZ = 0.1
-# Largest tick of the device time, in sample periods: no two samples may get the same time.
+# Largest tick of the device time, in sample periods. With longer ticks, two samples could have the
+# same device time.
 _MOST_TICKS = 0.75
 
 
@@ -42,9 +45,9 @@ _MOST_TICKS = 0.75
 class TendonSensorConfig:
     """Configuration of the sensor: kind, connection and data format.
 
-    The defaults fit lines of the form ``milliseconds,kilograms,kg,`` at 60 Hz. Parameters of
-    other kinds of sensor are ignored: if the sensor is a Net F/T, for example, the columns of a
-    line are ignored.
+    The default values are for a load cell that sends lines ``milliseconds,kilograms,kg,`` at
+    60 Hz. Parameters that belong to another kind of sensor are ignored. For example, a Net F/T
+    ignores the parameters of lines.
 
     Raises
     ------
@@ -268,7 +271,7 @@ class TendonSensorConfig:
 
     @property
     def rest_block_samples(self) -> int:
-        """As `block_samples`, while the tendon is at rest."""
+        """Number of samples in one block while the tendon is at rest."""
         return self.samples_per_block or max(1, math.ceil(self.rate_hz / REST_BLOCKS_HZ))
 
     @property

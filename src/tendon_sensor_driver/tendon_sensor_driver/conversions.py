@@ -33,7 +33,7 @@ def to_strain_msg(block: StrainBlock, frame_id: str) -> Any:
     message.header.frame_id = frame_id
     message.sequence = block.sequence
     message.period_ns = block.period_ns
-    # rclpy checks a list element by element, an array only by its type.
+    # An array is faster than a list, of which rclpy checks every element.
     message.tension_n = array.array('d', block.tension_n.tobytes())
     message.lost_before = block.lost_before
     message.stamp_error_s = block.stamp_error_s
@@ -42,11 +42,13 @@ def to_strain_msg(block: StrainBlock, frame_id: str) -> Any:
 
 
 def to_wrench_msg(block: StrainBlock, frame_id: str, axis: str = 'fx', scale: float = 1.0) -> Any:
-    """Return the block's last sample as ``geometry_msgs/WrenchStamped``, the tension along +x.
+    """Return the block's last sample as ``geometry_msgs/WrenchStamped``.
+
+    The tension is the force along +x.
 
     The wrench of a six-axis sensor is rotated from the sensor's own axes into ``frame_id``. The
-    +x axis of this frame points along ``axis``, or against it if ``scale`` is negative. The
-    message type has no status, so a saturated value looks like a valid one.
+    +x axis of this frame points along ``axis``, or in the opposite direction if ``scale`` is
+    negative. As the message has no status, a saturated value cannot be told from a valid one.
     """
     from geometry_msgs.msg import WrenchStamped
 
@@ -73,8 +75,8 @@ def turn_wrench(wrench: NDArray[np.float64], axis: str, scale: float) -> NDArray
     axis : str
         One of ``AXES``. The other two axes follow in cyclic order.
     scale : float
-        If negative, +x points against ``axis``: the frame is rotated by half a turn about its
-        second axis, so that it stays right-handed.
+        If negative, the frame is also rotated by half a turn about its second axis. Then +x
+        points in the direction opposite to ``axis``, and the frame stays right-handed.
     """
     first = AXES.index(axis) % 3
     order = [(first + i) % 3 for i in range(3)]
@@ -185,7 +187,7 @@ def _format_silence(
         if health.rejected_lines > before.rejected_lines:
             return f'{sentence}; messages arrive, but without a tension: {health.last_rejected}'
         return sentence if health.advice is None else f'{sentence}; {health.advice}'
-    # Lines from before the last reading do not explain the silence.
+    # Counters are compared only if ``before`` is already part of the present silence.
     if config.sensor != 'line' or before.heard_at_ns != health.heard_at_ns:
         return sentence
     if health.rejected_lines > before.rejected_lines:

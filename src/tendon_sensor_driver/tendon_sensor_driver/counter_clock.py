@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Clock of a device with a sample counter: times of samples, and missing samples."""
+"""Clock for devices that number their samples, such as the ATI Net F/T."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.clock import Batch, DeviceClock, Instant, Run, SampleClock
 from tendon_sensor_driver.errors import LinkError
 
-_AGREEMENT_S = 1.0  # largest deviation of the device's counter from the host's clock
+_AGREEMENT_S = 1.0  # larger deviations of the counter from the host's clock are a restart
 _HALF = 1 << 31
 _SECOND_NS = 1_000_000_000
 _MASK = (1 << 32) - 1
@@ -26,23 +26,26 @@ class CounterRestartError(LinkError):
 
 
 class NewSamples(NamedTuple):
-    """The new samples of a batch."""
+    """Samples of a batch that were neither duplicate nor late."""
 
     indices: NDArray[np.intp]  # indices of the new samples, oldest first, shape (new,)
-    # Distance of each new sample from the one before it [samples]; 1 without a gap, shape (new,)
+    # Distance of each new sample from the sample before it, in samples, shape (new,); 1 if no
+    # sample is missing.
     steps: NDArray[np.int64]
-    # Distance of each sample of the batch from the newest earlier one [ticks], shape (samples,)
+    # Distance of each sample of the batch from the newest sample of earlier batches, in ticks,
+    # shape (samples,).
     ahead_ticks: NDArray[np.int64]
-    ticks: NDArray[np.uint32]  # counter at each sample of the batch, shape (samples,)
+    ticks: NDArray[np.uint32]  # counter value of each sample of the batch, shape (samples,)
     is_restart: bool  # the counter restarted, so the number of missing samples is unknown
 
 
 class CounterClock(SampleClock):
-    """Follows the sample counter of a device across batches, wraps and sessions.
+    """Assigns times to samples that contain a 32-bit counter of the device.
 
-    The number of ticks per sample is measured from the records, because a Net F/T rounds the
-    rate that it reports. Until two measurements agree, the value given to `begin_session` is
-    used.
+    The counter can wrap, and it continues when the stream is started again (a new session). The
+    number of ticks per sample is measured from counter and record numbers, because a Net F/T
+    reports a rounded rate. Until two consecutive measurements agree, the value given to
+    `begin_session` is used.
     """
 
     def __init__(self) -> None:
@@ -50,13 +53,13 @@ class CounterClock(SampleClock):
         self.ticks_per_sample = 1
         self._tick_rate_hz = 1.0
         self._clock: DeviceClock | None = None  # maps ticks to ROS time
-        self._newest: tuple[int, int] | None = None  # ticks and host time [ns] of the newest
+        self._newest: tuple[int, int] | None = None  # ticks, host time [ns]
         self._record: int | None = None
         self._measured = 0
         self._is_new_session = True
-        self._lost = 0  # samples dropped since the last accepted one
+        self._lost = 0  # samples dropped since the last accepted sample
         self._end_ns: int | None = None  # stamp of the newest sample
-        self._event = 0  # bits of `StrainStatus` for the next sample
+        self._event = 0  # bits of `StrainStatus` of events before the next sample
 
     @property
     def rate_hz(self) -> float:
@@ -64,7 +67,7 @@ class CounterClock(SampleClock):
         return self._tick_rate_hz / self.ticks_per_sample
 
     def begin_session(self, tick_rate_hz: float, ticks_per_sample: int) -> None:
-        """Begin a session: record numbers start again, and the counter may have restarted.
+        """Begin a session, in which record numbers start again; the device may have restarted.
 
         Parameters
         ----------
@@ -96,7 +99,8 @@ class CounterClock(SampleClock):
         Raises
         ------
         CounterRestartError
-            If the counter jumped within a session. Call `begin_session` before the next batch.
+            If the counter jumped within a session. Then call `begin_session` before the next
+            batch.
         """
         assert self._clock is not None, 'call begin_session first'
         new = self._sort(batch)
@@ -105,15 +109,15 @@ class CounterClock(SampleClock):
         indices, ahead = new.indices, new.ahead_ticks
         if not len(indices):
             return []
-        # The time of arrival of a duplicate or late sample cannot be used.
+        # If the sample with the known time of arrival is not new, the first new one is used.
         timed = batch.timed if ahead[batch.timed] > 0 else int(indices[0])
         instant = self._clock.place(int(new.ticks[timed]), batch.received_at_ns)
-        if instant is None:  # implausible time: the dropped samples are counted as lost later
+        if instant is None:  # the time is implausible; the next batch counts the samples as lost
             self.outliers += len(indices)
             self._lost += int(new.steps.sum())
             return []
-        # A restart of the device changes the counter. If the counter has not changed, but the
-        # clock reports a restart, the host's clock was set.
+        # A restart of the device would also change the counter. If only `DeviceClock` reports a
+        # restart, the host's clock was set.
         if instant.is_step or (instant.is_restart and not self._event & StrainStatus.RESTARTED):
             self._event |= int(StrainStatus.CLOCK_STEP)
         if instant.is_leap:
@@ -121,9 +125,10 @@ class CounterClock(SampleClock):
         return self._make_runs(new, ahead[indices] - ahead[timed], instant)
 
     def _make_runs(self, new: NewSamples, ticks: NDArray[np.int64], instant: Instant) -> list[Run]:
-        """Return the new samples as runs, with stamps later than all earlier ones.
+        """Return the new samples as runs, with stamps that are later than all earlier stamps.
 
-        ``ticks`` is the distance of each new sample from the sample of ``instant``, shape (new,).
+        ``instant`` is the time of one sample of the batch, and ``ticks`` are the distances of the
+        new samples from this sample, shape (new,).
         """
         offsets_ns = np.rint(ticks * (_SECOND_NS / self._tick_rate_hz)).astype(np.int64)
         stamps_ns = instant.stamp_ns + offsets_ns
@@ -173,12 +178,15 @@ class CounterClock(SampleClock):
         self.period_ns = round(_SECOND_NS * ticks_per_sample / self._tick_rate_hz)
 
     def _judge(self, batch_ticks: NDArray[np.uint32], received_at_ns: int) -> bool:
-        """Return True if the counter restarted before this session; raise if it did later."""
+        """Return True if the counter restarted before this session.
+
+        Raises `CounterRestartError` if it restarted within the session.
+        """
         is_new_session, self._is_new_session = self._is_new_session, False
         if self._newest is None:
             return False
         ticks, before_ns = self._newest
-        # The host's clock may be set back; the counter never runs backwards.
+        # The time is negative if the host's clock was set back.
         elapsed_s = max(0.0, (received_at_ns - before_ns) / 1e9)
         jump_s = int(_subtract(batch_ticks, ticks).max()) / self._tick_rate_hz
         least_s = elapsed_s - _AGREEMENT_S if is_new_session else -_AGREEMENT_S / 4
@@ -213,6 +221,6 @@ class CounterClock(SampleClock):
 
 
 def _subtract(ticks: NDArray[np.uint32], before: int) -> NDArray[np.int64]:
-    """Return the signed difference of 32-bit counters, int64."""
+    """Return the differences of 32-bit counters, which can be negative, as int64."""
     difference: NDArray[np.uint32] = ticks.astype(np.uint32) - np.uint32(before)
     return difference.view(np.int32).astype(np.int64)

@@ -21,13 +21,13 @@ from tendon_sensor_driver.strain_stream import StrainStream
 from tendon_sensor_driver.types import LineReading, SensorHealth
 
 MAX_LINE_BYTES = 256
-"""Longer lines are dropped: no load cell sends them, and the memory stays bounded."""
+"""Largest length of a line. Longer lines are dropped, because no load cell sends them."""
 
 MAX_VALUE = 1e15
-"""Larger values are refused: no load cell sends them, and later products might overflow."""
+"""Largest value in a line. Lines with larger values are rejected."""
 
 SIMULATED = b'SIMULATED'
-"""Column after the value that marks a line of a simulated load cell."""
+"""Text of the column that a simulated load cell adds to its lines."""
 
 _UNIT_NAMES = {
     'kg': (b'kg', b'Kg', b'KG', b'kgf'),
@@ -40,24 +40,25 @@ _UNIT_NAMES = {
     'oz': (b'oz', b'OZ', b'ozf'),
 }
 UNITS = {name: unit for unit, names in _UNIT_NAMES.items() for name in names}
-"""Value of the parameter ``unit`` for each spelling in a line."""
+"""Value of the parameter ``unit`` for each spelling of a unit in lines."""
 
-_BRACKETS = b'[]():='  # characters around a unit
-_STATE_LETTERS = (b'N', b'G')  # before a value: net, gross
-_STABILITY = frozenset((b'ST', b'US', b'S', b'D'))  # stable, unstable; may change at any time
+_BRACKETS = b'[]():='  # characters that can enclose a unit
+_STATE_LETTERS = (b'N', b'G')  # not units before a value, but "net" and "gross"
+_STABILITY = frozenset((b'ST', b'US', b'S', b'D'))  # words for stable and unstable values
 _FAULTS = frozenset(
     form.encode()
     for word in ('OVERLOAD', 'UNDERLOAD', 'OVERFLOW', 'UNDERFLOW', 'ERROR')
     for form in (word, word.title(), word.lower())
 ) | {b'OL', b'UL', b'OF', b'UF', b'OVER', b'UNDER', b'ERR'}
-_FAULT_LINES = (b'S +', b'S -')  # of Mettler SICS: overload, underload
+_FAULT_LINES = (b'S +', b'S -')  # overload and underload in Mettler SICS
 
 _NUMBER = rb'[+-]?(?:\d+%(mark)s?\d*|%(mark)s\d+)(?:[eE][+-]?\d+)?'
-# float() and int() accept too much: '1_0', 'infinity', digits of other scripts.
+# Numbers are matched first, because float() and int() also accept '1_0' or 'infinity'.
 _POINT, _COMMA = (_NUMBER % {b'mark': mark} for mark in (rb'\.', b','))
-_NAMED = rb'([A-Za-z_]*[:=])?(%s)([A-Za-z]*)'  # 'Weight:' and '12.3g' written together
+_NAMED = rb'([A-Za-z_]*[:=])?(%s)([A-Za-z]*)'  # such as 'Weight:12.3g'
 _split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
-# If the comma is the decimal mark, it separates columns unless there are digits on both sides.
+# If the decimal mark is the comma, a comma between two digits belongs to a number. Other commas
+# separate columns.
 _split_at_other_commas = re.compile(rb'[ \t]*(?:;|(?<!\d),|,(?!\d))[ \t]*|[ \t]+').split
 _find_bare_comma = re.compile(rb'(?:^|[ \t,;]),\d').search  # ',5' may be 0.5 or an empty column
 _join_sign = re.compile(rb'(?<![^ \t,;])([+-]) +(?=[\d.,])').sub
@@ -88,11 +89,11 @@ _Shape = tuple[int, tuple[bytes, ...]]
 
 
 class _RefusedLineError(Exception):
-    """A line cannot be read; the message is the reason, with a remedy."""
+    """A line is rejected. The message contains the reason and a remedy."""
 
 
 def split_line(line: bytes, decimal_mark: str = '.') -> list[bytes]:
-    """Return the columns of a line, which is given without its line ending."""
+    """Return the columns of a line without line ending."""
     line = line.strip(b' \t')
     if b'+ ' in line or b'- ' in line:
         line = _join_sign(rb'\1', line)
@@ -104,15 +105,15 @@ def _is_word(column: bytes) -> bool:
 
 
 def format_line(line: bytes) -> str:
-    r"""Return a line as printable text; other bytes are written as ``\xff``."""
+    r"""Return a line as text, in which non-printable bytes are written like ``\xff``."""
     return ''.join(chr(b) if 0x20 <= b < 0x7F else f'\\x{b:02x}' for b in line)
 
 
 class LineDecoder:
-    """Incremental decoder of load-cell lines, without IO and clock.
+    """Decodes a stream of bytes from a load cell into readings.
 
-    The first line after the start and after `reset` is dropped without being counted, because
-    its beginning may be missing.
+    The first line after the start and after `reset` is dropped and not counted, because its
+    beginning may be missing.
 
     Attributes
     ----------
@@ -121,9 +122,9 @@ class LineDecoder:
     last_rejected : bytes
         The last rejected line, or the start of it.
     last_reason : str or None
-        Why this line was rejected, with a remedy; None before the first one.
+        Reason for the last rejection, with a remedy; None if no line was rejected.
     last_byte : bytes
-        The last byte since the start or `reset`; no byte before the first one.
+        The last received byte; empty if there is none since the start or `reset`.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
@@ -152,15 +153,15 @@ class LineDecoder:
         self.rejected_lines = 0
         self.last_rejected = b''
         self.last_reason: str | None = None
-        # Number of columns, and the words before the value, in the lines of this device; None
-        # until known. _odd_shape: the shape of the previous line, if it differed.
+        # The shape of a line is its number of columns and the words before its value. _shape is
+        # the usual shape, and _odd_shape the shape of the previous line if it was unusual.
         self._shape: _Shape | None = None
         self._odd_shape: _Shape | None = None
         self.last_byte = b''
         self.reset()
 
     def reset(self) -> None:
-        """Drop the unfinished line: the bytes that follow do not continue it."""
+        """Drop the unfinished line, because the next bytes do not continue it."""
         self._rest = b''
         self._skip_line = True
         self._has_dropped = False
@@ -172,7 +173,7 @@ class LineDecoder:
         Parameters
         ----------
         data : bytes
-            Bytes in any partition of the stream.
+            The next bytes, of any number; a line can be split between several calls.
         received_at_ns : int
             Host time at which they were received [ns].
         """
@@ -250,13 +251,13 @@ class LineDecoder:
         return LineReading(ticks, value, received_at_ns, self._has_dropped, SIMULATED in columns)
 
     def _check_count(self, columns: list[bytes]) -> None:
-        """Refuse a line whose value may be only a part of a number with a separator in it.
+        """Reject a line whose value may be only a part of a number that contains a comma.
 
-        A line must have ``line_columns`` columns. If that is 0, the time is the only number
-        that may be next to the value.
+        A line must have ``line_columns`` columns. If that is 0, no number except for the time can
+        be next to the value.
         """
         if self._line_columns:
-            count = len(columns) - (not columns[-1])  # a line may end in a separator
+            count = len(columns) - (not columns[-1])  # a separator at the end begins no column
             if count != self._line_columns:
                 raise _RefusedLineError(_OTHER_COUNT.format(count, self._line_columns))
             return
@@ -266,18 +267,19 @@ class LineDecoder:
                 raise _RefusedLineError(_NUMBER_BESIDE.format(format_line(columns[place])))
 
     def _check_after(self, columns: list[bytes]) -> None:
-        """Refuse another unit, or a word that may be a unit, in the columns after the value."""
+        """Reject a line with another unit, or with an unknown word, after its value."""
         for number, column in enumerate(columns):
             if self._match_number(column) or column.strip(_BRACKETS) in self._units:
-                break  # another quantity begins, or this is the unit
+                break  # this is the right unit, or another number begins
             if column in self._other_units or (number == 0 and _is_word(column)):
                 raise self._refuse_word(column)
 
     def _check_shape(self, count: int, words: tuple[bytes, ...]) -> None:
-        """Refuse a line whose columns or words before the value differ from the last line's.
+        """Reject a line whose number of columns, or words before the value, are unusual.
 
-        An incomplete line, two joined lines, or text that looks like a reading differ once. If
-        the next line has the same new shape, the device's settings were changed.
+        An incomplete line, two joined lines or a text can look like a reading. However, if the
+        next line has the same new shape, the settings of the device have been changed, and the
+        line is accepted.
         """
         for word in words:
             if word not in _STATE_LETTERS and word.strip(_BRACKETS) in self._other_units:
@@ -318,7 +320,7 @@ def encode_reading(
     *,
     is_simulated: bool = False,
 ) -> bytes:
-    r"""Return one line as an OpenScale writes it, such as ``b'1204,0.53000,kg,\r\n'``.
+    r"""Return one line in the format of an OpenScale, such as ``b'1204,0.53000,kg,\r\n'``.
 
     Parameters
     ----------
@@ -347,10 +349,10 @@ def encode_reading(
 
 
 LONGEST_DELIVERY_NS = 250_000_000
-"""Longest time that ``on_block`` may take before the kernel's buffer can overflow [ns]."""
+"""Longest time of a call of ``on_block`` for which no received bytes can be lost [ns]."""
 
 _DROP_S = 0.05
-_LONGEST_READ_S = 0.1  # `TendonSensorClient.close` waits for a read to end
+_LONGEST_READ_S = 0.1  # short, because `close` waits for the end of a read
 _BURST_READINGS = 3
 _MENU_PROMPT = b'>'
 
@@ -358,14 +360,14 @@ _MENU_PROMPT = b'>'
 class TendonSensorClient(LinkClient[SerialTransport]):
     """Client of a load cell that writes lines to a serial port.
 
-    One thread reads, decodes and calls ``on_block``. While ``on_block`` runs, arriving bytes
-    wait, so that their times of arrival appear too late. If ``on_block`` runs for more than
-    0.25 s, the waiting bytes are dropped, because the kernel may have dropped some bytes already.
-    The client counts each such overrun, and counts the dropped samples as lost.
+    One thread reads, decodes and calls ``on_block``. Bytes that arrive while ``on_block`` runs
+    are read late. If ``on_block`` runs for more than 0.25 s, these bytes are dropped, because the
+    buffer of the kernel may have lost some of them. Such an overrun is counted, and the dropped
+    samples are counted as lost.
 
-    A silent board may be an OpenScale whose settings menu is open. The client therefore sends a
-    carriage return, which makes the menu print its prompt and has no effect on a measuring
-    board, and answers the prompt with ``x``, which leaves the menu.
+    If a board is silent, it may be an OpenScale whose settings menu is open. The client then
+    sends a carriage return, which makes the menu print its prompt. It has no effect on a board
+    that measures. If the prompt arrives, the client sends ``x``, which closes the menu.
 
     ``identity`` is the serial number of the USB adapter. See `SensorClient` for the parameters.
     """
@@ -377,7 +379,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
         self._decoder = LineDecoder(config)
         self._stream = StrainStream(config)
         self._silence_ns = round(config.silence_s * 1e9)
-        self._silent_at_ns = 0  # monotonic time at which the present silence becomes too long
+        self._silent_at_ns = 0  # monotonic time after which a sensor without data counts as silent
         self._delivered_in_ns = 0
         self._overruns = 0
         self._bursts = 0
@@ -436,7 +438,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
         self._delivered_in_ns = time.monotonic_ns() - began_ns
 
     def _drop_input(self, link: SerialTransport) -> None:
-        """Drop the waiting bytes, in which pieces of two lines may be joined."""
+        """Drop all waiting bytes, because bytes between them may be missing."""
         end_s = time.monotonic() + _DROP_S
         while time.monotonic() < end_s:
             link.read(_DROP_S)

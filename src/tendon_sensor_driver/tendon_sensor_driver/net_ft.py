@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ATI Net F/T: the UDP link and the client."""
+"""Client of the force-torque sensor ATI Net F/T, and its UDP link."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from tendon_sensor_driver.types import SensorHealth
 _WAIT_S = 0.1
 _LONGEST_WAIT_S = 0.25
 _DEAD_S = 0.6
-_PERIODS = 6  # sample periods without a record after which the stream is requested again
+_PERIODS = 6  # number of sample periods without data after which the request is repeated
 _LONGEST_GATHER_S = 0.02
-_MOST_DATAGRAMS = 4096  # per batch
+_MOST_DATAGRAMS = 4096  # largest number of datagrams that are read at once
 _BUFFER_BYTES = 4 << 20
 
 
 class NetFtLink:
     """A running stream of records from a Net F/T.
 
-    In buffered mode, a datagram holds up to 40 records. At 7000 Hz, the kernel's buffer then
-    stores the records of several hundred milliseconds while the host is busy.
+    In buffered mode, a datagram contains up to 40 records. The buffer of the kernel can then
+    store the records of several hundred milliseconds at 7000 Hz while the host is busy.
 
     Parameters
     ----------
@@ -100,10 +100,10 @@ class NetFtLink:
         )
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            # The kernel grants less than requested if its limit is lower.
+            # The kernel may provide a smaller buffer.
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
             self._socket.setblocking(False)
-            # A connected socket receives datagrams of this host only.
+            # A connected socket only receives datagrams from the sensor.
             self._socket.connect((config.host, config.rdt_port))
             self._socket.send(encode_request(Command.STOP))
             self._socket.send(encode_request(self._start))
@@ -112,11 +112,13 @@ class NetFtLink:
             raise LinkError(f'cannot reach the Net F/T at {config.host}: {error}') from error
 
     def format_status(self) -> str | None:
-        """Return the errors in the newest record, comma-separated, or None."""
+        """Return the errors that the newest record reports, comma-separated, or None."""
         return ', '.join(format_status(self._status_word, is_axia=self._is_axia)) or None
 
     def read(self) -> Batch | None:
-        """Return the received samples, or None if none arrive for up to 0.25 s.
+        """Return the received samples, or None if no sample arrives within the wait time.
+
+        The wait time is 0.25 s or less.
 
         Raises
         ------
@@ -125,7 +127,7 @@ class NetFtLink:
         """
         try:
             if not select.select([self._socket], [], [], self._wait_s)[0]:
-                if self._check_silence():  # the request may have been lost
+                if self._check_silence():  # the network may have lost the request
                     self._socket.send(encode_request(self._start))
                 return None
             received_at_ns = self._now_ns()
@@ -157,7 +159,7 @@ class NetFtLink:
         return datagrams
 
     def _decode(self, datagrams: list[bytes], received_at_ns: int) -> Batch:
-        """Return the records as a batch, and reset the timer of silence."""
+        """Return the records as a batch, and restart the time that `_check_silence` measures."""
         records: NDArray[np.void] = decode_records(b''.join(datagrams))
         words = records['status'].astype(np.uint32)
         self._heard_s = self._asked_s = time.monotonic()
@@ -169,14 +171,17 @@ class NetFtLink:
             ticks=records['ft_sequence'].astype(np.uint32),
             wrench=wrench,
             status=classify_status(words, is_axia=self._is_axia),
-            # A datagram is sent as soon as it contains its last record, so this record has the
-            # shortest delay.
+            # The time of arrival belongs to the last record of the first datagram, because a
+            # datagram is sent as soon as its last record is complete.
             timed=len(datagrams[0]) // RECORD_BYTES - 1,
             records=records['rdt_sequence'].astype(np.uint32),
         )
 
     def _check_silence(self) -> bool:
-        """Return True if the stream must be requested again; raise LinkError if it has ended."""
+        """Return True if the stream must be requested again.
+
+        Raises `LinkError` if no record has arrived for too long.
+        """
         now_s = time.monotonic()
         if now_s - self._heard_s > self._dead_s:
             raise LinkError(
@@ -198,15 +203,16 @@ def _is_whole(datagram: bytes) -> bool:
 
 
 class NetFtClient(LinkClient[NetFtLink]):
-    """Client of a Net F/T; its blocks contain tension and wrench.
+    """Client of a Net F/T, whose blocks contain both the tension and the wrench.
 
-    On opening and after every loss of the link, the client reads the configuration from the
-    sensor's web server, sets rate, filter and buffer if they differ, reads back the values that
-    the sensor took over, and starts the stream.
+    When the client is opened, and after every loss of the link, it reads the configuration from
+    the web server of the sensor. If rate, filter or number of records per datagram differ from
+    the parameters, the client sets them and reads the configuration again. Then it starts the
+    stream.
 
-    One thread reads, decodes and calls ``on_block``. While ``on_block`` runs, the kernel buffers
-    the arriving datagrams. Samples of datagrams that do not fit into the buffer are counted as
-    lost. See `SensorClient` for the parameters.
+    One thread reads, decodes and calls ``on_block``. While ``on_block`` runs, the kernel stores
+    the arriving datagrams. If its buffer is full, further samples are lost and are counted as
+    such. See `SensorClient` for the parameters.
     """
 
     _stream: Stream[CounterClock]
@@ -215,7 +221,7 @@ class NetFtClient(LinkClient[NetFtLink]):
         super().__init__(config, on_block, now_ns)
         self._web = BoxWeb(config.host, config.http_port)
         self._stream = Stream(config, CounterClock())
-        self._before = _no_counts()  # sum over the earlier links
+        self._before = _no_counts()  # total of all closed links
         self._seen_rejected = 0
 
     def health(self) -> SensorHealth:
@@ -244,7 +250,7 @@ class NetFtClient(LinkClient[NetFtLink]):
         return link
 
     def _set_up(self, box: BoxConfiguration) -> tuple[BoxConfiguration, float]:
-        """Set rate, filter and buffer where they differ; return configuration and rate [Hz]."""
+        """Change the sensor's settings if necessary; return its configuration and rate [Hz]."""
         config = self._config
         if config.rate_hz > box.internal_rate_hz:
             raise LinkError(
@@ -252,7 +258,7 @@ class NetFtClient(LinkClient[NetFtLink]):
                 f'{config.rate_hz:g} Hz; set a lower "rate_hz"'
             )
         wanted_hz = compute_rate_hz(max(1, round(config.rate_hz)), box.internal_rate_hz)
-        # The settings are in flash memory, so they are written only if they differ.
+        # The sensor stores its settings in flash memory, which should not be written often.
         if not self._is_set_up(box, wanted_hz):
             self._web.write_settings(config.rate_hz, config.low_pass_hz, config.block_samples)
             box = self._web.read_configuration()
@@ -283,7 +289,7 @@ class NetFtClient(LinkClient[NetFtLink]):
         )
 
     def _note_loss(self, link: NetFtLink) -> None:
-        # A new Counter instead of +=, because `health` may be reading the old one.
+        # The Counter is replaced and not changed, because `health` runs on another thread.
         self._before = self._before + link.counts
 
     def _wants_pause(self, error: LinkError) -> bool:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ATI Net F/T: units, RDT packets, and settings on its web pages."""
+"""Protocol of the ATI Net F/T: units, packets of Raw Data Transfer (RDT), and web pages."""
 
 from __future__ import annotations
 
@@ -41,11 +41,14 @@ _UNITS = {
         'kN-m': 1e3,
     },
 }
-"""Newtons or newton metres per unit, in the order of ATI's codes, which start at 1."""
+"""Newtons or newton metres per unit. The order is that of ATI's unit codes, from 1."""
 
 
 def unit_of_code(kind: str, code: int) -> str:
-    """Return the unit of ``force`` or ``torque`` with this code of ATI; LinkError if unknown."""
+    """Return the unit of ``force`` or ``torque`` for a unit code of ATI.
+
+    Raises `LinkError` if the code is unknown.
+    """
     names = tuple(_UNITS[kind])
     if not 1 <= code <= len(names):
         raise LinkError(
@@ -168,27 +171,27 @@ class Command(IntEnum):
 
 
 def encode_request(command: Command) -> bytes:
-    """Return a request with an unlimited number of samples."""
+    """Return an RDT request; a start command requests records without end."""
     return _REQUEST.pack(_HEADER, command, 0)
 
 
 def decode_records(datagram: bytes) -> NDArray[np.void]:
-    """Return the records as a view of the bytes, dtype `RECORD`, shape (records,)."""
+    """Return the records in a datagram as an array of dtype `RECORD`, shape (records,)."""
     return np.frombuffer(datagram, dtype=RECORD)
 
 
 def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.uint32]:
     """Return the bits of `StrainStatus` for each status word.
 
-    A latched monitor condition is not an error: it means that the sensor exceeded a threshold
-    that its user has set. Saturation is reported as saturation only, not also as a device error.
+    The bit of a latched monitor condition is ignored. It only means that a value has exceeded a
+    threshold that the user has set in the sensor. Saturation does not count as a device error.
 
     Parameters
     ----------
     words : ndarray of uint32, shape (samples,)
         Status words of the records.
     is_axia : bool
-        The sensor is an Ethernet Axia, whose bits differ.
+        True for the sensor Ethernet Axia, whose status bits have other meanings.
 
     Returns
     -------
@@ -199,7 +202,7 @@ def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.u
     saturated = np.uint32(_AXIA_SATURATED if is_axia else SATURATED)
     harmless = saturated | np.uint32(CONDITION_LATCHED | ERROR_SUMMARY)
     is_saturated = (words & saturated) != 0
-    # The summary bit without a bit that explains it is an error, too.
+    # It is also an error if only the summary bit is set.
     is_unexplained = words == ERROR_SUMMARY
     is_error = ((words & ~harmless) != 0) | is_unexplained
     status = np.where(is_saturated, int(StrainStatus.SATURATED), 0)
@@ -208,7 +211,7 @@ def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.u
 
 
 def format_status(word: int, *, is_axia: bool) -> tuple[str, ...]:
-    """Return the errors in a status word, highest bit first; none for a healthy sensor."""
+    """Return the names of the bits that are set in a status word, highest bit first."""
     bits = _AXIA_BITS if is_axia else _NET_FT_BITS
     words = [bits.get(bit, f'bit {bit}') for bit in range(30, -1, -1) if word >> bit & 1]
     if word & ERROR_SUMMARY and not words:
@@ -217,7 +220,10 @@ def format_status(word: int, *, is_axia: bool) -> tuple[str, ...]:
 
 
 def compute_rate_hz(asked_hz: float, internal_hz: float = INTERNAL_RATE_HZ) -> float:
-    """Return the rate to which a sensor rounds ``asked_hz``: the next higher 7000 / n [Hz]."""
+    """Return the rate [Hz] that a sensor uses if ``asked_hz`` is set.
+
+    This is the next higher rate ``internal_hz / n`` with an integer n.
+    """
     return internal_hz / max(1, int(internal_hz / asked_hz + 1e-9))
 
 
@@ -239,17 +245,20 @@ class BoxConfiguration:
     low_pass_hz: int  # cut-off frequency of its low-pass filter [Hz]; 0: off; -1: not reported
     records_per_datagram: int  # records per datagram in buffered mode; 0: not reported
     status: int
-    is_rdt_enabled: bool  # RDT is switched on, so the box sends records
+    is_rdt_enabled: bool  # the sensor is set to send RDT records
 
     @property
     def is_axia(self) -> bool:
-        """True for an Ethernet Axia, whose status bits differ."""
+        """True for the sensor Ethernet Axia, whose status bits have other meanings."""
         return 'axia' in self.product.lower()
 
 
 def parse_configuration(page: bytes) -> BoxConfiguration:
-    """Return the configuration on a ``netftapi2.xml`` page; LinkError if the page is invalid."""
-    if b'<!' in page:  # declarations such as entities, which a real sensor does not send
+    """Return the configuration on the page ``netftapi2.xml`` of a sensor.
+
+    Raises `LinkError` if the page is invalid.
+    """
+    if b'<!' in page:  # a sensor sends no declarations, which could exhaust the memory
         raise LinkError('the configuration page of the Net F/T contains XML declarations')
     try:
         root = ElementTree.fromstring(page)  # noqa: S314 - no declarations, see above
@@ -261,7 +270,7 @@ def parse_configuration(page: bytes) -> BoxConfiguration:
     force_unit = tags.get('scfgfu') or unit_of_code('force', int(_number(tags, 'cfgfu')))
     torque_unit = tags.get('scfgtu') or unit_of_code('torque', int(_number(tags, 'cfgtu')))
     filters = {code: cutoff_hz for cutoff_hz, code in LOW_PASS_CODES.items()}
-    # One publicly available simulator of the sensor spells this tag with two m.
+    # A public simulator of the sensor spells this tag with "mm".
     rate_tag = 'comrdtrate' if 'comrdtrate' in tags else 'commrdtrate'
     return BoxConfiguration(
         product=tags.get('prodname', ''),
@@ -322,7 +331,7 @@ class BoxWeb:
         Parameters
         ----------
         rate_hz : float
-            Rate of the records [Hz]; the sensor takes the next higher rate of 7000 / n.
+            Rate of the records [Hz]; see `compute_rate_hz` for the rate that the sensor uses.
         low_pass_hz : int
             Cut-off frequency of the low-pass filter [Hz], a key of `LOW_PASS_CODES`.
         records : int

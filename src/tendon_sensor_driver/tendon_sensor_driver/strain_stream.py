@@ -1,16 +1,18 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Grouping of the samples of any sensor into numbered and stamped blocks, without IO.
+"""Grouping of the samples of any sensor into blocks with sequence numbers and time stamps.
 
-A client reads a `Batch`: one sample from a line of text, up to forty from a Net F/T datagram.
-The sensor's clock (`SampleClock`) drops duplicate, late and implausible samples and returns the
-others as `Run` of consecutive samples. `Stream` adds the status and groups samples into blocks:
+A client of a sensor reads a `Batch` of one or more samples. The clock of the sensor
+(`SampleClock`) drops duplicate, late and implausible samples, and returns the others as runs of
+consecutive samples (`Run`). `Stream` determines the status of each sample and groups the samples
+into blocks:
 
     Batch -> SampleClock.place_batch -> Run, Run ... -> status of each sample -> StrainBlock ...
 
-A block ends when it is full, before a gap, an event or a change of status, and before a run
-whose stamp deviates by more than half a period from its expected time in the block.
+A new block begins when the block is full, after missing samples, after an event such as a
+reconnection, when the status changes, and when the stamp of a run deviates by more than half a
+period from the time that is expected from the stamp of the block.
 """
 
 from __future__ import annotations
@@ -30,27 +32,27 @@ from tendon_sensor_driver.config import NEWTONS, TendonSensorConfig
 from tendon_sensor_driver.types import LineReading
 
 _FEWEST_EQUAL = 10
-# Integers, because operations on IntFlag take a third of the time spent on a sample.
+# The bits are stored as integers, because operations on IntFlag are slow.
 _SATURATED, _STUCK = int(StrainStatus.SATURATED), int(StrainStatus.STUCK)
 _RECONNECTED = int(StrainStatus.RECONNECTED)
 _RESYNCHRONISED = int(StrainStatus.RESYNCHRONISED)
 _CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
 _SIMULATED = np.array([int(StrainStatus.SIMULATED)], dtype=np.uint32)
 
-_status_of = functools.cache(StrainStatus)  # constructing an IntFlag is slow
+_status_of = functools.cache(StrainStatus)  # cached, because constructing an IntFlag is slow
 
 Clock = TypeVar('Clock', bound=SampleClock)
 
 
 @dataclass
 class _OpenBlock:
-    """The block under construction."""
+    """A block to which samples are still added."""
 
     stamp_ns: int
     sequence: int
     lost_before: int
     error_s: float
-    status: int  # status bits of each sample
+    status: int  # status bits, which are equal for all samples of the block
     event: int  # status bits of events before the first sample
     period_ns: int
     samples: int = 0
@@ -62,7 +64,10 @@ class _OpenBlock:
         return stamp_ns - self.stamp_ns - self.samples * self.period_ns
 
     def widen_error(self, stamp_ns: int, error_s: float) -> None:
-        """Widen the error bound of the block to cover the next sample; negative means unknown."""
+        """Increase the error bound of the block so that it includes the next sample.
+
+        A negative bound means that the error is unknown.
+        """
         if self.error_s >= 0:
             misfit_s = abs(self.misfit_ns(stamp_ns)) / 1e9
             self.error_s = max(self.error_s, error_s + misfit_s) if error_s >= 0 else -1.0
@@ -81,7 +86,7 @@ class Stream(Generic[Clock]):
     clock : SampleClock
         Assigns times to the samples.
     status : StrainStatus
-        Status that holds for every sample, such as HOST_TIME.
+        Status bits that all samples get, such as ``HOST_TIME``.
 
     Attributes
     ----------
@@ -109,7 +114,7 @@ class Stream(Generic[Clock]):
         self._sequence = -1
         self._event = 0  # status bits of events before the next sample
         self._open: _OpenBlock | None = None
-        self._next_ns: int | None = None  # earliest stamp of the next block
+        self._next_ns: int | None = None  # earliest allowed stamp of the next block
 
     @property
     def status(self) -> StrainStatus:
@@ -126,7 +131,7 @@ class Stream(Generic[Clock]):
         """
         outliers = self.clock.outliers
         runs = self.clock.place_batch(batch)
-        if self.clock.outliers > outliers:  # samples were dropped
+        if self.clock.outliers > outliers:
             self._event |= _RESYNCHRONISED
         blocks: list[StrainBlock] = []
         for run in runs:
@@ -134,7 +139,7 @@ class Stream(Generic[Clock]):
         return blocks
 
     def set_at_rest(self, is_at_rest: bool) -> None:
-        """Choose the size of the blocks: larger while the tendon is at rest. On any thread."""
+        """Use larger blocks while the tendon is at rest. Can be called from any thread."""
         config = self._config
         samples = config.rest_block_samples if is_at_rest else config.block_samples
         self.samples_per_block = samples
@@ -149,14 +154,14 @@ class Stream(Generic[Clock]):
         self._event |= _RECONNECTED
 
     def note_clock_step(self, step_ns: int) -> None:
-        """Record a step of the host's clock [ns] before the next sample."""
+        """Record that the host's clock was set by ``step_ns`` before the next sample."""
         self.clock.note_step(step_ns)
         if self._next_ns is not None:
             self._next_ns += step_ns
         self._event |= _CLOCK_STEP
 
     def flush(self) -> list[StrainBlock]:
-        """Close the unfinished block, and return it in a list; an empty list if there is none."""
+        """End the unfinished block. Return a list of this block, or an empty list."""
         return [] if self._open is None else [self._close(self._open)]
 
     # -- one run -----------------------------------------------------------------------
@@ -192,7 +197,7 @@ class Stream(Generic[Clock]):
                 if made is not None and (
                     bits != made.status
                     or period_ns != made.period_ns
-                    or made.samples >= most  # the tendon is no longer at rest
+                    or made.samples >= most  # if `set_at_rest` has reduced the size
                 ):
                     blocks.append(self._close(made))
                     made = None
@@ -214,7 +219,7 @@ class Stream(Generic[Clock]):
         return blocks
 
     def _begin(self, stamp_ns: int, error_s: float, lost: int, status: int) -> _OpenBlock:
-        """Open a block that starts at the next sample; its stamp is after all earlier ones."""
+        """Begin a block with the next sample. Its stamp is later than all stamps before it."""
         if self._next_ns is not None and stamp_ns < self._next_ns:
             error_s += (self._next_ns - stamp_ns) / 1e9 if error_s >= 0 else 0.0
             stamp_ns = self._next_ns
@@ -227,7 +232,7 @@ class Stream(Generic[Clock]):
     def _close(self, made: _OpenBlock) -> StrainBlock:
         self._open = None
         tension_n = made.tensions[0] if len(made.tensions) == 1 else np.concatenate(made.tensions)
-        tension_n.flags.writeable = False  # shared with other stages in the process
+        tension_n.flags.writeable = False  # because several consumers share the array
         self._next_ns = made.stamp_ns + (made.samples - 1) * made.period_ns + 1
         return StrainBlock(
             made.stamp_ns,
@@ -243,8 +248,12 @@ class Stream(Generic[Clock]):
     def _judge(
         self, tension_n: NDArray[np.float64], stated: NDArray[np.uint32] | None
     ) -> Sequence[int] | NDArray[np.uint32]:
-        """Return the status bits of each sample, from the device (``stated``) and its value."""
-        if len(tension_n) == 1:  # the same rule as below, in a third of the time
+        """Return the status bits of each sample.
+
+        They consist of the bits from the device (``stated``), and of those for saturated and
+        stuck samples.
+        """
+        if len(tension_n) == 1:  # the same as below, but faster for single samples
             value_n = float(tension_n[0])
             self._equal = self._equal + 1 if value_n == self._last_n else 1
             self._last_n = value_n
@@ -264,7 +273,7 @@ class Stream(Generic[Clock]):
         if not is_equal.any():
             self._equal = 1
             return status
-        # Number of equal samples in a row, up to and including each sample.
+        # For each sample, compute how many samples in a row are equal up to this sample.
         position = np.arange(1, len(tension_n) + 1)
         change = np.maximum.accumulate(np.where(is_equal, -self._equal, position))
         equal = np.where(change > 0, position - change + 1, position + self._equal)
@@ -273,17 +282,20 @@ class Stream(Generic[Clock]):
         return status
 
     def _are_stuck(self, equal: Any) -> Any:
-        """Return True where this number of equal samples means a stuck sensor; int or array."""
+        """Return True if so many equal samples mean that the sensor is stuck.
+
+        ``equal`` can be an integer or an array.
+        """
         return (equal >= _FEWEST_EQUAL) & ((equal - 1) * self.clock.period_ns >= self._stuck_ns)
 
 
 class StrainStream(Stream[SampleClock]):
     """Converts the readings of a load cell into blocks of tension.
 
-    tension = value * scale * newtons per unit + offset.
+    The tension is ``value * scale * newtons per unit + offset``.
 
-    A board without a clock is assumed to have restarted after every reconnection: it may have
-    lost its power, and many boards set their own zero when they start.
+    If a board sends no device time, its restarts cannot be detected. It is then assumed to have
+    restarted after every reconnection, because many boards set their zero when they start.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:

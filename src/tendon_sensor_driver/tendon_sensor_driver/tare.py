@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tare of the sensor: measured on request and subtracted from every sample."""
+"""The tare of the sensor, which is measured on request and subtracted from every sample."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ class TareError(TendonSensorError):
     Attributes
     ----------
     code : str
-        Kind of the reason: ``few``, ``old``, ``marked``, ``loaded``, ``moving`` or ``noisy``.
+        The reason: ``few``, ``old``, ``marked`` (by an error status), ``loaded``, ``moving`` or
+        ``noisy``.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -41,7 +42,7 @@ class TareError(TendonSensorError):
 
 @dataclass(frozen=True)
 class TareValue:
-    """Value that is subtracted from every sample; mirrors ``tactile_msgs/Tare``."""
+    """Result of a tare, with the same content as ``tactile_msgs/Tare``."""
 
     stamp_ns: int  # time at which the tare was measured or cleared [ns]
     tare_n: float = 0.0  # mean of the tare samples [N]
@@ -52,11 +53,11 @@ class TareValue:
 class Tare:
     """Measures the tare from the latest samples and subtracts it from every block.
 
-    A tare is measured from samples that were received before the request, so the finger must
-    have been unloaded and still during the last ``tare_samples`` samples. A tare is refused if
-    there are too few samples, or if the samples are old, have an error status, are noisy, drift,
-    or show a load. Samples from before a reconnection, a step of the host's clock or a silence
-    of more than ``silence_s`` are not used.
+    The tare is the mean of the last ``tare_samples`` samples before the request, during which the
+    finger must be unloaded and still. A request is refused if there are too few samples, or if
+    the samples are old, have an error status, are noisy, drift, or show a load. Samples are no
+    longer used after a reconnection, after the host's clock was set, or after a silence of more
+    than ``silence_s``.
 
     Many load-cell boards set their own zero when they start. The tare is therefore cleared when
     the device restarts.
@@ -69,10 +70,8 @@ class Tare:
         self._lock = threading.Lock()
         self._blocks: deque[StrainBlock] = deque()
         self._samples = 0
-        self._end_ns = 0  # end of the newest block
-        self._break: str | None = (
-            None  # event before the first of the stored samples, for messages
-        )
+        self._end_ns = 0  # time of the end of the newest block
+        self._break: str | None = None  # reason why earlier samples were dropped, for messages
         self._wrench_tare: NDArray[np.float64] | None = None
         self._value = TareValue(0)
 
@@ -82,7 +81,7 @@ class Tare:
         return self._value
 
     def apply(self, block: StrainBlock) -> StrainBlock:
-        """Store a block for the next tare, and return it with the present tare subtracted."""
+        """Subtract the present tare from a block, and store the block for the next tare."""
         count = len(block.tension_n)
         with self._lock:
             silence_s = (block.stamp_ns - self._end_ns) / 1e9
@@ -131,7 +130,7 @@ class Tare:
         return value
 
     def clear(self, now_ns: int) -> TareValue:
-        """Clear the tare: from now on, nothing is subtracted."""
+        """Clear the tare, so that nothing is subtracted any more."""
         with self._lock:
             self._wrench_tare = None
             self._value = TareValue(now_ns)
@@ -148,8 +147,8 @@ class Tare:
     def compute_drift(self, now_ns: int) -> float | None:
         """Return how far the unloaded sensor has drifted from the tare [N].
 
-        Return None if no tare is set, or if a new tare would be refused at present: the drift
-        can only be measured while the sensor is unloaded and still.
+        The drift is the difference between a new tare and the present one. Return None if no tare
+        is set, or if a new tare would be refused now, for example under load.
         """
         if not self._value.samples:
             return None
@@ -161,7 +160,7 @@ class Tare:
         return value.tare_n - self._value.tare_n
 
     def _drop_samples(self, event: str) -> None:
-        """Drop the stored samples: they cannot be used for a tare after this event."""
+        """Drop the stored samples, which cannot be used for a tare after ``event``."""
         self._blocks.clear()
         self._samples = 0
         self._break = event
@@ -193,7 +192,7 @@ class Tare:
         config = self._config
         tension_n = np.concatenate([block.tension_n for block in blocks])[-config.tare_samples :]
         mean_n, spread_n = float(tension_n.mean()), float(tension_n.std(ddof=1))
-        # Rise of the regression line over all samples, whose positions run from -1/2 to 1/2.
+        # The drift is the rise of the regression line from the first to the last sample.
         positions = np.linspace(-0.5, 0.5, len(tension_n))
         change_n = float(positions @ (tension_n - mean_n) / (positions @ positions))
         if abs(mean_n) > config.tare_limit_n:

@@ -41,19 +41,19 @@ from tendon_sensor_driver.sensors import make_sensor
 from tendon_sensor_driver.types import SensorHealth
 
 WATCH_PERIOD_S = 0.2
-_PAST_PERIODS = 5  # counters that increased during the last second are reported
+_PAST_PERIODS = 5  # diagnostics report counters that increased in so many periods (1 s)
 
 
 class LastMessage:
-    """The last message of a topic, taken from the middleware only on request; thread-safe."""
+    """Subscription that takes the last message from the middleware only in `get`; thread-safe."""
 
     def __init__(self, node: TendonSensorNode, kind: Any, topic: str, profile: Any) -> None:
         self._message: Any = None
-        self._lock = threading.Lock()  # keeps the order of the messages
+        self._lock = threading.Lock()  # so that no older message replaces a newer one
         self._subscription = PolledSubscription(node, kind, topic, self._take, profile)
 
     def get(self) -> Any:
-        """Return the last message, or None if there is none or its publisher is gone."""
+        """Return the last message, or None if there is no message or no publisher any more."""
         with self._lock:
             self._subscription.poll()
             return self._message if self._subscription.get_publisher_count() else None
@@ -67,7 +67,10 @@ class LastMessage:
 
 
 class TendonUse:
-    """Use of the tendon: the tare cannot change meanwhile, which would shift the limits."""
+    """Knows from topics whether the tendon is in use.
+
+    During use, the tare must not change, because this would shift the force limits.
+    """
 
     def __init__(self, node: TendonSensorNode, config: TendonSensorConfig) -> None:
         self._slack = self._event = None
@@ -83,7 +86,7 @@ class TendonUse:
         return slack is not None and bool(slack.at_rest)
 
     def find_refusal(self) -> Refusal | None:
-        """Return why the tare must not be changed now, or None."""
+        """Return the reason why the tare must not be changed now, or None."""
         slack = self._slack.get() if self._slack else None
         if slack is not None and slack.state == TendonSlack.TAUT:
             return Refusal(
@@ -104,7 +107,7 @@ class TendonUse:
 
 
 class SensorStage(Stage):
-    """Stage of the sensor: reads it, subtracts the tare, and publishes strain, wrench and tare.
+    """Reads the sensor, subtracts the tare, and publishes strain, wrench and tare.
 
     Parameters
     ----------
@@ -146,11 +149,11 @@ class SensorStage(Stage):
             lambda block: to_wrench_msg(block, config.frame_id, config.axis, config.scale),
             STREAM,
         )
-        # Published while inactive, too: a recorder needs this latched state from the start.
+        # The latched tare is also published while the node is inactive, for recordings.
         self._tare_state = node.create_publisher(Tare, '~/tare_state', LATEST)
         self._publish_tare(self._tare.clear(self._node.now_ns()))
         self._use = TendonUse(node, config)
-        self._is_at_rest = False  # the blocks have the size for a tendon at rest
+        self._is_at_rest = False  # whether the blocks have the size for a tendon at rest
         self._services = [
             node.create_service(Trigger, name, callback)
             for name, callback in (
@@ -177,7 +180,7 @@ class SensorStage(Stage):
         self._watching = node.call_every(WATCH_PERIOD_S, lambda: self._watch(client))
 
     def close(self) -> None:
-        """Close the sensor, then release the resources that its thread uses."""
+        """Close the sensor, and then the publishers and services of this stage."""
         if self._watching is not None:
             self._watching.cancel()
         if self._diagnostics is not None:
@@ -208,7 +211,7 @@ class SensorStage(Stage):
     def _on_block(self, block: StrainRecord) -> None:
         """Subtract the tare from a block, and publish it while the node is active."""
         if block.stamp_ns < 0:
-            return  # no time on /clock yet; rclpy's Time raises for a negative stamp
+            return  # before the first message on /clock; rclpy accepts no negative stamps
         if block.status and block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
         block = self._tare.apply(block)
@@ -223,7 +226,10 @@ class SensorStage(Stage):
             self._choose_blocks()
 
     def _choose_blocks(self) -> None:
-        """Choose the size of the blocks: after each block at rest, else five times a second."""
+        """Adapt the size of the blocks to whether the tendon is at rest.
+
+        This is called five times a second, and at rest after each block.
+        """
         client, self._is_at_rest = self._client, self._use.is_at_rest
         if client is not None:
             client.set_at_rest(self._is_at_rest)
@@ -275,7 +281,7 @@ class SensorStage(Stage):
     # -- on the thread of periodic calls -------------------------------------------------
 
     def _watch(self, client: SensorClient) -> None:
-        """Check the link; publish the diagnostics immediately when the state has changed."""
+        """Check the link to the sensor, and publish diagnostics if its state has changed."""
         self._node.check_simulated_time()
         self._choose_blocks()
         health = client.health()
@@ -331,10 +337,10 @@ class TendonSensorNode(StageNode):
         """Return the present ROS time [ns]."""
         if self._is_simulated_time:
             return int(self.get_clock().now().nanoseconds)
-        return time.time_ns()  # the same value, but faster than through rclpy
+        return time.time_ns()  # this is faster than the same time from rclpy
 
     def check_simulated_time(self) -> None:
-        """Cache whether ROS time comes from ``/clock``, because reading this takes a lock."""
+        """Store whether ROS time comes from ``/clock``, for fast access in `now_ns`."""
         self._is_simulated_time = self.get_clock().ros_time_is_active
 
     def make_stage(self, config: TendonSensorConfig) -> SensorStage:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A force that another node publishes: the client, and the diagnosis of its topic."""
+"""Client of a sensor whose force another node publishes, and diagnosis of its topic."""
 
 from __future__ import annotations
 
@@ -29,17 +29,16 @@ from tendon_sensor_driver.topic_stream import READERS, ReadingError, TopicStream
 from tendon_sensor_driver.types import SensorHealth
 
 RATE_TOLERANCE = 0.02
-"""Largest relative deviation of the rate. If the rate deviates more, windows are refused."""
+"""Largest accepted deviation of the measured rate from ``rate_hz``, relative to ``rate_hz``."""
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
 LARGEST_DELAY_S = 0.02
-"""Largest delay from stamp to arrival [s]. If the delay is longer, the shortest window of the
-texture protocol may be refused."""
+"""Largest accepted delay from stamp to arrival [s], as an absolute value."""
 
 
 SAME_STAMPS = 10
-"""If this number of messages in a row repeat a stamp, the publisher does not stamp them."""
+"""If so many messages in a row have the same stamp, the publisher does not stamp them."""
 
 
 class Publisher(NamedTuple):
@@ -47,13 +46,14 @@ class Publisher(NamedTuple):
 
     node: str  # name of the publishing node, with namespace
     type_name: str  # message type, such as ``std_msgs/msg/Float64``
-    qos_conflict: str | None = None  # why its QoS is incompatible with the subscription
+    qos_conflict: str | None = None  # reason why its QoS is incompatible, or None
 
 
 def choose_type(publishers: Sequence[Publisher], present: str | None = None) -> str | None:
     """Return the message type to subscribe to, or None if no publisher has a supported type.
 
-    The type ``present`` of the existing subscription is kept while it has a publisher.
+    ``present`` is the type of the existing subscription, which is kept as long as a publisher has
+    this type.
     """
     types = [publisher.type_name for publisher in publishers if publisher.type_name in READERS]
     return present if present in types else next(iter(types), None)
@@ -62,7 +62,7 @@ def choose_type(publishers: Sequence[Publisher], present: str | None = None) -> 
 def find_publisher_problem(
     topic: str, publishers: Sequence[Publisher], type_name: str | None
 ) -> str | None:
-    """Return why no publisher of a topic can be received, with a remedy, or None.
+    """Return the reason why messages on a topic cannot be received, with a remedy, or None.
 
     ``type_name`` is the type of the existing subscription, if there is one.
     """
@@ -104,7 +104,7 @@ def find_stream_problem(
     publishers : sequence of Publisher
         Publishers of the topic.
     is_silent : bool
-        True if no message has arrived for ``silence_s``.
+        True if no message has arrived for a while.
     """
     nodes = ', '.join(sorted({publisher.node for publisher in publishers}))
     if is_silent:
@@ -144,16 +144,19 @@ LOOK_PERIOD_S = 0.1
 _LARGEST_WAIT_NS = 10_000_000_000
 
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Compatible with reliable publishers, too. The depth is one second at 1 kHz."""
+"""QoS of the subscription, which is also compatible with reliable publishers.
+
+The queue holds the messages of one second at 1 kHz.
+"""
 
 
 class TopicClient(SensorClient):
     """Client of a sensor whose force another node publishes on a topic.
 
-    The publisher may start later, stop and start again: the client checks the ROS graph ten
-    times a second and subscribes with the publisher's type. Messages are handled on the thread
-    that polls the node's subscriptions, with the node's lock held. See `SensorClient` for the
-    parameters.
+    The publisher can start after the client, and can stop and start again. Ten times a second, the
+    client checks which publishers the topic has, and subscribes with their message type.
+    Messages are processed on the thread that polls the subscriptions of the node, under the lock
+    of the node. See `SensorClient` for the parameters.
     """
 
     def __init__(
@@ -174,7 +177,7 @@ class TopicClient(SensorClient):
         self._has_met = False
         self._rejected = 0
         self._last_rejected = ''
-        self._refusal: str | None = None  # why the subscription failed
+        self._refusal: str | None = None  # reason why the subscription failed, or None
 
     def open(self) -> None:
         """Start to look for the publisher.
@@ -243,7 +246,7 @@ class TopicClient(SensorClient):
     # -- under the node's lock -------------------------------------------------------------
 
     def _look(self) -> None:
-        """Check the publishers, subscribe if possible, and flush the stream during silence."""
+        """Check the publishers, subscribe if possible, and end the block during a silence."""
         with self._node.lock:
             if not self._stop.is_set():
                 self._check_publishers()
@@ -271,7 +274,7 @@ class TopicClient(SensorClient):
             level, reason = qos_check_compatible(info.qos_profile, profile)
             conflict = reason if level == QoSCompatibility.ERROR else None
             node = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-            # ROS 2 finds a publisher before the name of its node.
+            # ROS 2 discovers a publisher before the name of its node is known.
             node = 'another node' if _UNKNOWN in node else node
             found.append(Publisher(node, info.topic_type, conflict))
         return found
@@ -284,8 +287,9 @@ class TopicClient(SensorClient):
         def on_message(message: Any, info: Any) -> None:
             if self._stop.is_set() or type_name != self._type_name:
                 return
-            # In this order, a pause of the thread makes the arrival appear too late, which is
-            # harmless. An arrival that appears too early would make the sample an outlier.
+            # If the thread is paused between these two lines, the time of arrival is too late,
+            # which is harmless. In the reverse order, it would be too early, and the sample would
+            # be dropped as an outlier.
             wait_ns = _measure_wait_ns(info)
             received_at_ns = self._arrivals.now_ns() - wait_ns
             if self._arrivals.step_ns:
@@ -311,10 +315,10 @@ class TopicClient(SensorClient):
                 message_class(type_name),
                 self._config.topic,
                 on_message,
-                copy.copy(BEST_EFFORT),  # rclpy writes the overrides into the profile
+                copy.copy(BEST_EFFORT),  # a copy, because rclpy writes overrides into the profile
                 overridable=True,
             )
-        except RCLError as error:  # within a process, all users of a topic share one type
+        except RCLError as error:  # raised if this process uses the topic with another type
             self._type_name = None
             self._refusal = f'cannot subscribe to {self.identity} as {type_name}: {error}'
         else:

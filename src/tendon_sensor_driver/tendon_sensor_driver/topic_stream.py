@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Samples of a topic: reading its messages, and handling stamps, rate and missing samples."""
+"""Reads the tension from messages of a topic, and handles their stamps, rate and gaps."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class TopicReading(NamedTuple):
 
     stamp_ns: int | None  # stamp of the header [ns]; None without a header or if the stamp is zero
     tension_n: float  # tension after scaling [N]; not finite if the value in the message is not
-    # Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the axes of the message; None for a message with a
-    # single value, and if the tension is the magnitude of the force
+    # Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the axes of the message. It is None if the message is a
+    # single value, or if the tension is the magnitude of the force.
     wrench: list[float] | None = None
 
 
@@ -48,7 +48,8 @@ def read_wrench(message: Any, config: TendonSensorConfig) -> TopicReading:
     Raises
     ------
     ReadingError
-        If the configuration names a joint. An unknown axis in ``TOPIC:AXIS`` counts as a joint.
+        If the configuration names a joint. In ``TOPIC:NAME``, a name that is not an axis counts
+        as a joint.
     """
     if config.joint:
         axes = ', '.join([*AXES, NORM])
@@ -110,7 +111,7 @@ READERS: dict[str, Callable[[Any, TendonSensorConfig], TopicReading]] = {
     'std_msgs/msg/Float32': read_value,
     'sensor_msgs/msg/JointState': read_joint_state,
 }
-"""Function that reads each supported message type."""
+"""Function that reads the tension from a message, for each supported message type."""
 
 
 def _read_stamp(message: Any) -> int | None:
@@ -120,25 +121,27 @@ def _read_stamp(message: Any) -> int | None:
 _SECOND_NS = 1_000_000_000
 _LATE_NS = _SECOND_NS // 4
 _STEP_NS = _SECOND_NS // 10
-_RECENT_NS = 10 * _SECOND_NS  # period over which the shortest delay is taken
+_RECENT_NS = 10 * _SECOND_NS  # duration in which the shortest delay is searched
 _MEMORY = 64  # number of samples to which the grid is fitted
-_LARGEST_DETUNING = 0.05  # largest deviation of the period, as a fraction of the nominal one
+_LARGEST_DETUNING = 0.05  # largest deviation from the nominal period, as a fraction of it
 _MOST_MISSING = 1.1  # largest ratio of all samples, including missing ones, to received samples
 
-_LONGEST_IRREGULAR = 3  # largest step of the stamps that can be a late stamp, in periods
+_LONGEST_IRREGULAR = 3  # longest step of an irregular stamp; see `StampClock` [periods]
 
 MEASURE_NS = 2 * _SECOND_NS
-"""Time over which a rate is measured [ns]."""
+"""Duration of one measurement of the rate [ns]."""
 
 FEWEST_MEASURED = 10
 """Smallest number of messages from which a rate is measured."""
 
 
 class StampGrid:
-    """Numbers stamps that lie close to multiples of a period, with any number of gaps.
+    """Counts the periods between stamps of a periodic signal, of which some can be missing.
 
-    The grid is a line fitted to about 64 stamps by an alpha-beta filter. Its period stays within
-    5 % of the nominal one. Stamps may deviate from the grid by a little less than half a period.
+    The expected times of the stamps form a grid with a constant period. It follows the latest
+    stamps (about 64) by means of an alpha-beta filter, and its period stays within 5 % of the
+    nominal period. The count is right if the stamps deviate from the grid by less than half a
+    period.
 
     Parameters
     ----------
@@ -151,13 +154,13 @@ class StampGrid:
     def __init__(self, period_ns: float, stamp_ns: int) -> None:
         self._nominal_ns = self._period_ns = period_ns
         self._fitted = 1
-        self._expected_ns = stamp_ns  # grid time of the last sample
+        self._expected_ns = stamp_ns  # time of the last sample on the grid
 
     def advance(self, stamp_ns: int) -> int:
-        """Add the next stamp [ns]; return the number of periods since the last one, at least 1."""
+        """Add the next stamp [ns]; return the number of periods since the last stamp."""
         steps = max(1, round((stamp_ns - self._expected_ns) / self._period_ns))
         off_ns = stamp_ns - self._expected_ns - steps * self._period_ns
-        # The gains are those of a least-squares line through n samples; n grows up to _MEMORY.
+        # With these gains, the filter is a least-squares fit of a line to the latest n stamps.
         n = self._fitted = min(self._fitted + 1, _MEMORY)
         gain = 2 * (2 * n - 1) / (n * (n + 1))
         self._expected_ns += round(steps * self._period_ns + gain * off_ns)
@@ -170,39 +173,44 @@ class StampGrid:
 
 
 class StampClock(SampleClock):
-    """Clock of a topic: stamps are taken from message headers, or from the time of arrival.
+    """Assigns times to the messages of a topic, from their headers or from their arrival.
 
-    The stamp of a header is ROS time and is used unchanged. The bound on its error is the
-    magnitude of the shortest delay from stamp to arrival during the last ten seconds, because
-    the publisher's clock may deviate from this host's clock by this amount.
+    A stamp in a header is used unchanged. The bound on its error is the shortest delay from stamp
+    to arrival in the last ten seconds (its magnitude), because the clock of the publisher can
+    deviate from the clock of this host by this amount.
 
-    Missing samples are counted on a `StampGrid`. ``device_ns`` of an `Instant` is the position
-    on this grid in nominal periods.
+    Missing samples are counted with a `StampGrid`. ``device_ns`` of an `Instant` is the number of
+    counted periods times the nominal period.
 
-    A publisher that stamps its messages when it sends them has gaps in the stamps on a busy
-    computer, although no message is missing. If the middleware's sequence numbers are
-    consecutive, a step of up to three periods is therefore an irregular stamp, and no sample is
-    missing. The window of a feature set is still refused if it is too long in total. A longer
-    step is a pause of the publisher, whose samples are missing. Without sequence numbers, such a
-    step is an irregular stamp, too, but its samples count as missing, because they may be.
+    On a busy computer, a publisher may stamp and send a message late, so that a stamp seems to be
+    missing. If the middleware's sequence numbers are consecutive, no message is missing. A step
+    of two or three periods is then counted as an irregular stamp and not as missing samples. A
+    longer step is a pause of the publisher, whose samples count as missing. If the middleware
+    provides no sequence numbers, a step of two or three periods counts both as an irregular stamp
+    and as missing samples.
 
-    Three kinds of samples are dropped. A duplicate has the same stamp as the sample before. A
-    late sample has a stamp up to 0.25 s earlier. An outlier has an even earlier stamp, or a stamp
-    that jumps forward: by more than 0.1 s relative to the arrivals, so that its delay is more than
-    0.1 s below the shortest delay. If the next sample confirms an outlier, the publisher's clock
-    was set; the number of samples missing across such a step is unknown.
+    Three kinds of samples are dropped:
 
-    A sample without a stamp gets the time of arrival, with unknown error. Missing samples are
-    then counted by the middleware's sequence numbers, if it provides them.
+    - A duplicate has the same stamp as the sample before it.
+    - A late sample has a stamp that is up to 0.25 s earlier.
+    - An outlier has an even earlier stamp, or a stamp that jumps forward. A jump means that the
+      stamps advance by over 0.1 s more than the times of arrival, so that the delay is more than
+      0.1 s shorter than the shortest delay.
+
+    If two outliers in a row agree with each other, the clock of the publisher was set. The number
+    of samples that are missing across this step is unknown.
+
+    A sample without a stamp gets the time of its arrival, whose error is unknown. Missing samples
+    are then counted by the middleware's sequence numbers, if there are any.
 
     Attributes
     ----------
     steps : int
         Number of times that the publisher's clock was set.
     irregular_stamps : int
-        Number of steps of the stamps across which no message is known to be missing.
+        Number of irregular stamps, as described above.
     repeats : int
-        Number of duplicates since the newest other sample.
+        Number of duplicates in a row up to the latest sample.
     number : int or None
         Sequence number of the message that is placed next.
     """
@@ -211,13 +219,13 @@ class StampClock(SampleClock):
         super().__init__(period_ns)
         self.steps = self.irregular_stamps = self.repeats = 0
         self.number: int | None = None
-        self._delays_ns: list[int] = []  # shortest delay in each of the last two spans of 5 s
-        self._span_ns = 0  # time of arrival at which the newer span began
-        self._received_ns = 0  # arrival of the last sample with a stamp
+        self._delays_ns: list[int] = []  # shortest delays in the last two spans of 5 s each
+        self._span_ns = 0  # time of arrival at which the newer of these spans began
+        self._received_ns = 0  # time of arrival of the last sample with a stamp
         self._last: Instant | None = None
         self._has_stamps = False
         self._last_number: int | None = None
-        self._closed = 0  # periods that irregular stamps have skipped
+        self._closed = 0  # number of periods not counted because of irregular stamps
         self._index = 0
         self._grid = StampGrid(period_ns, 0)
 
@@ -227,7 +235,7 @@ class StampClock(SampleClock):
         return min(self._delays_ns, default=None)
 
     def note_reconnection(self) -> None:
-        # Every publisher starts its own sequence of numbers.
+        # Each publisher has its own sequence numbers.
         self._last_number = None
 
     def note_step(self, step_ns: int) -> None:
@@ -253,7 +261,7 @@ class StampClock(SampleClock):
         if -_LATE_NS < elapsed_ns <= 0:
             self._drop_old(-elapsed_ns)
             self.repeats = 0 if elapsed_ns else repeats + 1
-            if elapsed_ns and self._closed:  # the step before was no late stamp, but this sample
+            if elapsed_ns and self._closed:  # this sample explains an irregular stamp
                 self._closed -= 1
                 self._index += 1
             return None
@@ -268,7 +276,7 @@ class StampClock(SampleClock):
         is_step, number = self._has_stamps, self.number
         self._has_stamps = False
         if number is not None and before is not None and not is_step:
-            # If there are two publishers, their numbers interleave, so a decrease is not a gap.
+            # The number decreases if there are two publishers; then no sample is missing.
             self._index += max(1, number - before)
         else:
             self._index += 1
@@ -323,8 +331,8 @@ class StampClock(SampleClock):
 class RateMeter:
     """Measures the rate of a topic every two seconds.
 
-    If messages have stamps, the periods of a `StampGrid` are counted, so that the rate stays
-    correct with up to 10 % of lost samples. Otherwise, the arriving messages are counted.
+    If the messages have stamps, the rate is measured with a `StampGrid`, and is correct even if up
+    to 10 % of the messages are lost. Otherwise, the arriving messages are counted.
 
     Attributes
     ----------
@@ -338,12 +346,12 @@ class RateMeter:
         self._has_stamps = True
 
     def add(self, stamp_ns: int | None, received_at_ns: int) -> bool:
-        """Add the times of one message [ns]; return True if this completed a measurement."""
+        """Add the stamp and arrival of a message [ns]; return True at the end of a measurement."""
         has_stamp = stamp_ns is not None
         time_ns = received_at_ns if stamp_ns is None else stamp_ns
         times_ns = self._times_ns
         if times_ns and (has_stamp != self._has_stamps or time_ns <= times_ns[-1] - MEASURE_NS):
-            times_ns.clear()  # another clock
+            times_ns.clear()  # the new time is from another clock, or the clock was set back
         self._has_stamps = has_stamp
         times_ns.append(time_ns)
         if len(times_ns) < FEWEST_MEASURED or abs(time_ns - times_ns[0]) < MEASURE_NS:
@@ -361,10 +369,10 @@ def measure_rate_hz(times_ns: list[int], *, is_regular: bool) -> float:
     times_ns : list of int
         Times of the samples in order of arrival [ns].
     is_regular : bool
-        The times are stamps: up to 10 % of the samples may be missing, and stamps may deviate
-        by 0.2 periods. With deviations of 0.3 periods, 2 to 4 % of the measured rates are wrong
-        by more than 0.5 % (1500 simulated draws). If False, the times are arrivals, which may
-        come in bursts, and the samples are only counted.
+        True if the times are stamps. The rate is then correct if up to 10 % of the samples are
+        missing and stamps deviate by up to 0.2 periods. With deviations of 0.3 periods, 2 to 4 %
+        of the rates were wrong by more than 0.5 % (1500 simulated cases). False if the times are
+        times of arrival, which are irregular. Then the samples are only counted.
     """
     span_ns = times_ns[-1] - times_ns[0]
     counted_hz = (len(times_ns) - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
@@ -376,12 +384,13 @@ def measure_rate_hz(times_ns: list[int], *, is_regular: bool) -> float:
         return counted_hz
     grid = StampGrid(statistics.median(b - a for a, b in pairwise(rising)), rising[0])
     rate_hz = sum(map(grid.advance, rising[1:])) * 1e9 / (rising[-1] - rising[0])
-    # If a publisher catches up after each pause, most differences are too short.
+    # The grid is wrong if the median is too short, as for a publisher that pauses and then sends
+    # several messages in quick succession.
     return rate_hz if rate_hz < _MOST_MISSING * counted_hz else counted_hz
 
 
 LARGEST_TENSION_N = 1e9
-"""Larger values are implausible and treated like non-finite ones."""
+"""Largest plausible tension [N]. Larger values are treated like non-finite values."""
 
 
 class TopicStream:
@@ -395,9 +404,9 @@ class TopicStream:
     meter : RateMeter
         Continuous measurement of the rate.
     readings : int
-        Number of readings, including the dropped ones.
+        Number of readings, including those dropped before the rate was known.
     is_value_finite : bool
-        The newest value was finite.
+        Whether the newest value was finite.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
@@ -459,15 +468,15 @@ class TopicStream:
         )
 
     def note_reconnection(self) -> None:
-        """Record that the publisher stopped and a publisher has started again."""
+        """Record that a publisher was found again after there was none."""
         if self.samples is not None:
             self.samples.note_reconnection()
 
     def note_clock_step(self, step_ns: int) -> None:
-        """Record a step of the host's clock [ns] before the next reading."""
+        """Record that the host's clock was set by ``step_ns`` before the next reading."""
         if self.samples is not None:
             self.samples.note_clock_step(step_ns)
 
     def flush(self) -> list[StrainBlock]:
-        """Close the unfinished block, and return it in a list; an empty list if there is none."""
+        """End the unfinished block. Return a list of this block, or an empty list."""
         return [] if self.samples is None else self.samples.flush()

@@ -12,10 +12,10 @@ from tactile_ros.strain import StrainStatus
 
 
 class LineReading(NamedTuple):
-    """One sample of a line, in the device's own units."""
+    """The content of one line from a load cell."""
 
     device_ticks: int | None  # device time in ticks; None if the device sends none
-    value: float  # value in ``unit``
+    value: float  # value in the unit of the parameter ``unit``
     received_at_ns: int  # host time at which the end of the line was read [ns]
     resynchronised: bool = False  # bytes that could not be decoded were dropped before the line
     simulated: bool = False  # the line says that the device is simulated
@@ -26,13 +26,13 @@ class SensorHealth:
     """State of the link at one moment. All counters start when the client is opened."""
 
     is_connected: bool  # the port is open
-    heard_at_ns: int  # host time of the last reading, or of opening if there is none yet [ns]
+    heard_at_ns: int  # host time [ns] of the last reading, or of `open` before the first one
     bytes: int = 0
     lines: int = 0  # received lines, messages or datagrams; blank lines are not counted
     readings: int = 0  # received samples
     rejected_lines: int = 0  # lines, messages or datagrams without a valid sample
     lost_samples: int = 0  # samples missing according to device time, counter or stamp
-    irregular_stamps: int = 0  # steps of a topic's stamps without a known loss of a message
+    irregular_stamps: int = 0  # see `tendon_sensor_driver.topic_stream.StampClock`
     duplicates: int = 0  # samples that were received twice
     late_samples: int = 0  # samples that were received after a newer one
     outliers: int = 0  # samples dropped because of an implausible device time
@@ -42,8 +42,8 @@ class SensorHealth:
     overruns: int = 0  # number of times that input was dropped because ``on_block`` was too slow
     status: StrainStatus = StrainStatus.OK  # status of the newest sample
     device_status: str | None = None  # errors that the device reports, comma-separated
-    rate_hz: float = 0.0  # rate as stated by the device or measured on a topic [Hz]; 0: unknown
+    rate_hz: float = 0.0  # measured rate of a Net F/T or a topic [Hz]; 0: unknown
     last_rejected: str = ''  # the last rejected line, shortened, as printable text
-    last_reason: str | None = None  # why this line was rejected, with a remedy
-    last_error: str | None = None  # last error of the link or of the consumer of the blocks
+    last_reason: str | None = None  # reason for the last rejection, with a remedy
+    last_error: str | None = None  # last error of the link or of ``on_block``
     advice: str | None = None  # problem of the received samples, with a remedy

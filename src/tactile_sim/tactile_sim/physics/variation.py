@@ -24,9 +24,11 @@ _WIDEST = 3.0
 class Variation:
     """Deviations of each trial from the description; arrays of shape (trials,).
 
-    Mounting height relative to the described one, and shift of plate or object along the guide
-    [m]; factors around 1; tendon displacement at which slack ends [m]; reading without load [N];
-    lag of the sensor behind the motion, as a fraction of the sampling period in [0, 1).
+    ``contact_height_m`` and ``placement_m`` are the shifts of plate or object in height and along
+    the guide [m]. ``friction``, ``object_stiffness``, ``finger_stiffness`` and ``glide_speed``
+    are factors around 1. ``tendon_zero_m`` is the tendon displacement at which the slack ends
+    [m]. ``sensor_bias_n`` is the reading of the sensor without load [N]. ``phase`` is the lag of
+    the sensor's samples behind the motion, as a fraction of the sampling period in [0, 1).
     """
 
     contact_height_m: FloatArray
@@ -41,12 +43,12 @@ class Variation:
 
     @classmethod
     def none(cls, count: int = 1) -> Variation:
-        """Return trials exactly as described."""
+        """Return the variation of ``count`` trials that do not deviate from the description."""
         zero, one = np.zeros(count), np.ones(count)
         return cls(zero, zero, one, one, one, one, zero, zero, zero)
 
     def select(self, trials: slice) -> Variation:
-        """Return some of the trials."""
+        """Return the variation of the selected trials only."""
         return Variation(**{item.name: getattr(self, item.name)[trials] for item in fields(self)})
 
 
@@ -105,15 +107,15 @@ def draw_variation(
 
 
 def make_generator(*names: int | str) -> np.random.Generator:
-    """Return a random generator that depends only on these names."""
-    # Hashed, so that different lists of names never share a stream: NumPy's own seeding pads short
-    # lists with zeros and splits large numbers into words.
+    """Return a random generator that is seeded with ``names`` only."""
+    # The seed is a hash of all names. NumPy's own seeding with a list of numbers would pad short
+    # lists with zeros and split large numbers, so that different lists could get the same seed.
     text = repr([name if isinstance(name, str) else int(name) for name in names])
     return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest(), 'big'))
 
 
 def _draw_deviations(spread: VariationSpread, generators: list[np.random.Generator]) -> FloatArray:
-    """Return deviations in the order of the fields of ``spread``, shape (8, generators)."""
+    """Return one row per field of ``spread`` and one column per generator, shape (8, n)."""
     drawn = np.array([generator.standard_normal(8) for generator in generators]).reshape(-1, 8).T
     sizes = np.array(astuple(spread))[:, np.newaxis]
     return np.asarray(sizes * np.clip(drawn, -_WIDEST, _WIDEST))

@@ -1,13 +1,19 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The same equations by another route: a stiff solver of SciPy with adaptive steps.
+"""Compare the simulation with a solution of the same equations by SciPy's stiff solver.
 
-Other than the package's: the integrals along the finger (16 nodes instead of 4), their
-slopes (complex step), the capstan (integrals instead of series), creep, the object's
-branches and the fingertip's damper (differential equations instead of exact relaxation and
-differences), friction (a slider that creeps under the force beyond its limit, instead of a
-return map), and time (Radau, adaptive). The same: constants, surface and motions.
+The reference uses the constants, the surface and the motions of the package. It differs from
+the package in the following methods:
+
+- Integrals along the finger have 16 nodes instead of 4, and are differentiated by complex steps.
+- Friction along the tendon's path (capstan equation) is integrated instead of expanded in a
+  series.
+- Creep of the finger, relaxation of the object and damping of the fingertip are differential
+  equations instead of exact solutions and finite differences.
+- Dry friction is a slider that creeps quickly under any force beyond its limit, instead of a
+  return map.
+- Time steps are adaptive (Radau).
 """
 
 from typing import NamedTuple
@@ -28,9 +34,8 @@ SHAPES = np.stack([XI, XI**2 - XI, 2 * XI**3 - 3 * XI**2 + XI])
 LEGENDRE = np.stack([np.ones_like(XI), 2 * XI - 1, 6 * XI**2 - 6 * XI + 1])
 SHARE = 1 / np.array([1.0, 3.0, 5.0])
 STEPS = 1e-30j * np.eye(3)
-# Time constant with which sliders creep under a force beyond the limit. If it is ten times as
-# large, the differences below double. The rest of the differences is due to the integrals along
-# the finger.
+# Viscosities of the friction sliders, which creep under a force beyond the friction limit. With
+# ten times these values, the differences in the tests below double.
 TIP_VISCOSITY_N_S_M, TENDON_VISCOSITY_S = 1e-5, 1e-7
 
 
@@ -41,9 +46,11 @@ class Forces(NamedTuple):
 
 
 class Reference:
-    """Rates of q (3), creep (3), tip slider, tendon slider, tip compression, branches, q' (3).
+    """The equations of the finger as a system of ordinary differential equations.
 
-    A scene without inertia has no q'.
+    The variables are the modes q (3), the creep of the modes (3), the slider of the tip, the
+    slider of the tendon, the compression of the tip, the relaxing branches of the object and, in
+    a scene with inertia, the velocities of the modes (3).
     """
 
     def __init__(self, scene, state, tendon_m, guide_m):
@@ -51,7 +58,8 @@ class Reference:
         self.clearance = state[at.CLEARANCE]
         self.offset, self.friction = state[at.OFFSET], state[at.FRICTION]
         self.tendon_m, self.guide_m = tendon_m, guide_m
-        # Distances are measured from here, so that their relative error is small.
+        # Distances along the guide are measured from this position, because the solver's tolerance
+        # is relative.
         self.started_m = state[at.TIP_SLIDER]
         branches = scene.body.branches if scene.body else ()
         self.branch_n_m = np.array([b.stiffness_n_m for b in branches])
@@ -59,7 +67,10 @@ class Reference:
         self.mass = self._weigh(np.radians(scene.finger.contact_bend_deg))
 
     def _weigh(self, bend_rad):
-        """Return the mass matrix of an arc, from complex steps and a sum over many points."""
+        """Return the mass matrix of a finger that is bent to a circular arc.
+
+        It is a sum over 2000 points, whose positions are differentiated by complex steps.
+        """
         xi = (np.arange(2000) + 0.5) / 2000
         shapes = np.stack([xi, xi**2 - xi, 2 * xi**3 - 3 * xi**2 + xi])
         angle = (np.array([bend_rad, 0.0, 0.0]) + STEPS) @ shapes
@@ -82,8 +93,8 @@ class Reference:
         relaxed = y[9 : 9 + len(self.branch_n_m)]
         velocity = y[9 + len(self.branch_n_m) :]
         swinging = velocity[:0]
-        # Row 0 of each result contains the value; the imaginary parts contain the
-        # derivatives by the modes.
+        # Row i of an array is evaluated with a tiny imaginary step in mode i. The real parts are
+        # the values, and the imaginary parts are the derivatives with respect to the modes.
         angle = (q + STEPS) @ SHAPES
         drop = c.length * np.sin(angle) @ WEIGHT
         reach = c.length * np.cos(angle) @ WEIGHT
@@ -94,7 +105,8 @@ class Reference:
         height = incline = rise = 0.0
         if (surface := self.scene.surface) is not None:
             height, incline, _ = (float(v[0]) for v in surface.sample(place[None]))
-            # At a corner of the surface, the slope is rounded but the height is not.
+            # `sample` returns a slope that is rounded at corners. ``rise`` is the exact slope of
+            # the height within a cell of the table.
             cell = int((place - surface.origin_m) / surface.spacing_m)
             rise = surface.table[cell, 1] / surface.spacing_m
         indentation = drop.real[0] - self.clearance + height
@@ -112,8 +124,8 @@ class Reference:
         )
         damping = np.diag(c.damping * SHARE)
         if self.scene.body is None:
-            # The compression of the tip is the indentation, and the damper of the tip acts on the
-            # modes.
+            # On a rigid plate, the whole indentation compresses the tip. The damper of the tip
+            # therefore acts directly on the modes.
             nearing_i = z_i + rise * x_i
             drift = rise * (self.guide_m(time_s + 1e-6) - self.guide_m(time_s - 1e-6)) / 2e-6
             spring = c.tip_stiffness * indentation + c.tip_damping * drift
@@ -163,7 +175,7 @@ class Reference:
 
 
 def compare(scene, tendon_m, guide_m, duration_s, step_s, tolerance):
-    """Return errors of tension and normal force, relative to their alternating parts (rms)."""
+    """Return the differences of tension and normal force, relative to their standard deviation."""
     steps = round(duration_s / step_s)
     times_s = step_s * np.arange(steps + 1)
     result = run(scene, step_s, tendon_m(times_s), guide_m(times_s), tolerance_nm=1e-10)
@@ -179,7 +191,7 @@ def compare(scene, tendon_m, guide_m, duration_s, step_s, tolerance):
 
 
 def smooth(times_s, duration_s):
-    """Return a function from 0 to 1 with continuous speed and acceleration."""
+    """Return values that rise from 0 to 1 in ``duration_s`` with continuous acceleration."""
     part = np.clip(times_s / duration_s, 0.0, 1.0)
     return part**3 * (10 - 15 * part + 6 * part**2)
 
@@ -196,8 +208,8 @@ def test_gliding_over_a_groove():
     )
     assert np.median(difference, axis=1).max() < 1e-4
     assert np.quantile(difference, 0.9, axis=1).max() < 3e-4
-    # In the groove's middle the tip turns from one edge to the other: a corner of the surface
-    # that lasts for half a millisecond.
+    # In the middle of the groove, the contact changes from one edge to the other. The path of the
+    # tip has a corner there, so the differences are large for half a millisecond.
     assert difference.max() < 5e-3
 
 

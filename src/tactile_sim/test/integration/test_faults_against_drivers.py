@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The real drivers detect or tolerate every fault of the simulated rig, and recover after it."""
+"""The real drivers detect or tolerate every fault of the simulated rig, and then recover."""
 
 from multiprocessing.pool import ThreadPool
 import time
@@ -46,7 +46,7 @@ def _sound_again(rig):
 
 
 class Listener:
-    """A sensor client, its blocks, and the increase of its counters since `wait_for_blocks`."""
+    """Stores the blocks of a sensor client, and compares its counters with earlier values."""
 
     def __init__(self, port):
         self.blocks = []
@@ -69,7 +69,7 @@ class Listener:
         return bool(self.blocks and self.blocks[-1].status & bits)
 
     def wait_for_blocks(self, count):
-        """Wait for some more blocks; later blocks and counts are relative to this call."""
+        """Wait for ``count`` more blocks, and store the counters for `gained`."""
         start = len(self.blocks)
         wait_until(lambda: len(self.blocks) >= start + count, lambda: str(self.health))
         self.before = self.health
@@ -78,7 +78,7 @@ class Listener:
 @pytest.fixture(scope='module')
 def listener(rig):
     listener = Listener(rig.ports.sensor)
-    listener.wait_for_blocks(30)  # a board that restarts earlier only sends some late readings
+    listener.wait_for_blocks(30)  # a restart right at the start would only make samples late
     yield listener
     listener.client.close()
 
@@ -98,9 +98,9 @@ SENSOR_FAULTS = {
     'saturate': ({}, lambda it: it.has_status(StrainStatus.SATURATED)),
     'stuck': ({}, lambda it: it.has_status(StrainStatus.STUCK)),
     'restart': ({}, lambda it: it.gained('restarts') == 1),
-    # The driver makes the board leave its menu; samples in between are lost.
+    # The board is in its settings menu. The driver makes it leave the menu, but samples are lost.
     'menu': ({}, lambda it: it.gained('lost_samples') > 10),
-    # The sensor never needs to receive anything.
+    # A board that receives nothing still sends its lines.
     'deaf': ({}, lambda it: len(it.blocks) > 10),
 }
 
@@ -117,7 +117,7 @@ def test_the_sensor_driver_notices_and_comes_back(rig, listener, kind):
     bad = StrainStatus.SATURATED | StrainStatus.STUCK
     wait_until(lambda: not listener.has_status(bad), 'the status stays bad')
     assert listener.health.is_connected
-    # No sample is repeated or invented: the unloaded sensor reads almost zero.
+    # No block is repeated, and all values are close to zero, as the sensor is unloaded.
     blocks = listener.blocks[:]
     sequence = [block.sequence for block in blocks]
     assert sequence == sorted(set(sequence))
@@ -130,7 +130,7 @@ def test_the_sensor_driver_notices_and_comes_back(rig, listener, kind):
 
 @pytest.fixture(scope='module')
 def begin():
-    """Start a blocking motion; return a function for its result or error."""
+    """Yield a function that starts a blocking motion on another thread and returns its future."""
     with ThreadPool(1) as pool:
         yield pool.apply_async
 
@@ -167,7 +167,7 @@ def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, begin, kind, option
     with pytest.raises(LinearGuideDriverError):
         guide.move_to(0.05, 0.03)
     rig.fault('guide', 'none')
-    # The guide is at rest, and does not move without a command.
+    # The end of the fault must not let the guide move again.
     truth_at_rest(rig)
     guide.home()
     assert guide.trouble is None
@@ -219,7 +219,7 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, 
     start_m = wait_until(lambda: tendon.state, 'no state').displacement_m
     motion = begin(tendon.pull_to, (0.008, 0.002))
 
-    def is_winding():  # the driver reports this, and polls after the reply to its goal
+    def is_winding():
         assert not motion.ready(), motion.get(0)
         return tendon.state.displacement_m > start_m + 5e-4
 
@@ -227,7 +227,7 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, 
     rig.fault('tendon', kind, **options)
     with pytest.raises(LinearGuideDriverError, match=reason):
         motion.get(30.0)
-    # A motion that the watchdog, the servo or the driver has stopped is not continued.
+    # The end of the fault must not let the tendon continue the motion that was stopped.
     rest_m = rig.truth()['tendon_displacement_m']
     assert rest_m < 0.007
     rig.fault('tendon', 'none')
@@ -238,7 +238,7 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, 
     ('kind', 'options'), [('drop', {'count': 1}), ('noise', {}), ('garbage', {'share': 0.1})]
 )
 def test_a_disturbed_bus_does_not_end_a_pull(rig, tendon, monkeypatch, kind, options):
-    let_servos_pause(monkeypatch)  # several consecutive answers may be damaged
+    let_servos_pause(monkeypatch)  # the fault can damage several consecutive answers
     rig.fault('tendon', kind, **options)
     tendon.pull_to(0.002, 0.004)
     assert rig.truth()['tendon_displacement_m'] == pytest.approx(0.002, abs=1e-3)

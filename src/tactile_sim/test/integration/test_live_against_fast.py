@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live rig, driven through its devices in virtual time, agrees with the fast simulation."""
+"""`PalpationRig`, commanded through its devices, agrees with `simulate_motion`."""
 
 import copy
 from functools import lru_cache
@@ -47,7 +47,7 @@ class Driver:
 
     @classmethod
     def prepare(cls):
-        """Return a homed rig with the torque on, ten seconds after it was switched on."""
+        """Return a driver of a rig at time 10 s, which is homed and has the servo's torque on."""
         return copy.deepcopy(cls._prepare())
 
     @classmethod
@@ -88,11 +88,11 @@ def test_texture_trial():
     fast = motion.truth['tension_n'][0]
     ripple = fast[times > 2.8].std()
     difference = live - fast
-    # The only difference is that the live rig takes longer steps.
+    # The results differ only because `PalpationRig` uses longer steps.
     assert np.sqrt(np.mean(difference[times > 2.8] ** 2)) < 0.05 * ripple
     assert np.abs(difference[(times < 0.15) | (times > 1.6)]).max() < 0.04
     assert np.abs(difference).max() < 0.01 * fast.max()
-    # The lines of the load cell contain the same tension, with noise.
+    # The lines that the load cell sent contain the same tension, with noise.
     rows = [line.split(b',') for line in driver.lines.split(b'\r\n')[:-1]]
     sent_s = np.arange(len(rows)) * default_catalogue().rig().load_cell.period_s
     said_n = np.array([float(row[1]) for row in rows]) * 9.80665
@@ -125,7 +125,7 @@ def test_mounting_needs_a_slack_tendon():
 
 def test_the_noise_of_a_trial_does_not_depend_on_when_it_begins():
     heard_n = []
-    for waited_s in (0.0, 1.0):  # the same phase of the sensor's clock
+    for waited_s in (0.0, 1.0):  # both are whole sampling periods
         driver = Driver.prepare()
         driver.rig.mount('stiffness', 'none', 'flexion')
         driver.wait_until(10.5 + waited_s)

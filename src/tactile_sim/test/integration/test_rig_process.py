@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig as a process: its ports, its requests, its end."""
+"""The process of a simulated rig: its ports, the answers to requests, and its end."""
 
 from contextlib import ExitStack
 import json
@@ -26,7 +26,7 @@ from tendon_sensor_driver.line_sensor import LineDecoder
 def rig():
     with SimulatedRig(seed=7) as rig:
         yield rig
-    assert rig._process.returncode == 0  # at the end of its standard input
+    assert rig._process.returncode == 0  # the process ends when its standard input is closed
 
 
 def test_the_rigs_time_is_the_hosts_and_lines_come_at_60_hz(rig):
@@ -40,8 +40,8 @@ def test_the_rigs_time_is_the_hosts_and_lines_come_at_60_hz(rig):
             or len(readings) >= 60,
             'too few lines',
         )
-        # The rig never runs ahead. On a busy computer it may be up to 0.5 s behind, and catches
-        # up.
+        # At the first request, a rig on a busy computer can be up to 0.5 s late. It can then
+        # simulate 0.5 s more than the time that has passed here.
         assert rig.truth()['time_s'] - before_s <= time.monotonic() - started_s + 0.6
     assert decoder.rejected_lines == 0
     sent_ms = [reading.device_ticks for reading in readings]
@@ -79,15 +79,15 @@ def test_unplug_takes_the_port_away_and_brings_it_back_under_its_name(rig):
             serial.Serial(name)
         rig.fault('sensor', 'none')
         wait_until(lambda: os.path.exists(name), 'the port did not come back')
-        assert os.path.realpath(name) != before  # the test still has the old port open
+        assert os.path.realpath(name) != before  # as the old pty is still open in this test
     with serial.Serial(name, 115200, timeout=DEADLINE_S) as again:
-        # The sensor was powered through the cable, so its time restarts at 0.
+        # The unplugged cable also powers the sensor, so its time restarts at 0.
         assert b'Readings:\r\n0,' in again.read_until(b'\r\n16,')
 
 
 def test_unplug_ends_by_itself_and_the_guide_has_kept_its_power(rig):
     before = os.path.realpath(rig.ports.guide)
-    with serial.Serial(rig.ports.guide):  # the port stays open, so that its number is not reused
+    with serial.Serial(rig.ports.guide):  # while the old pty is open, its name is not reused
         rig.fault('guide', 'unplug', 0.2)
         advance_rig(rig, 0.3)
         wait_until(lambda: os.path.exists(rig.ports.guide), 'the port did not come back')
@@ -124,7 +124,7 @@ def test_a_rig_that_does_not_start_or_is_dead_says_why(tmp_path):
     with pytest.raises(RigError, match=r"rig\.yaml\.load_cell\.noise_n is 'loud'"):
         SimulatedRig(description=tmp_path)
     with SimulatedRig() as rig:
-        # Ctrl-C in the terminal of the program that started the rig does not reach the rig.
+        # Ctrl-C in the terminal must only reach the program that started the rig, not the rig.
         assert os.getpgid(rig._process.pid) != os.getpgid(0)
         rig._process.kill()
         with pytest.raises(RigError, match='-9'):

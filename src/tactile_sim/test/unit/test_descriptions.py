@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Descriptions: packaged and user-defined values, and messages for invalid ones."""
+"""Descriptions of the rig: packaged values, values of the user, and errors in them."""
 
 from contextlib import suppress
 import dataclasses
@@ -176,7 +176,7 @@ def test_a_users_files_are_laid_over_by_key_and_label(tmp_path):
     assert rig.variation.session == dataclasses.replace(was.variation.session, friction=0.0)
     assert catalogue != packaged
     assert catalogue.digest != packaged.digest
-    # A catalogue can be passed to another process without its files.
+    # A pickled catalogue does not need the files from which it was read.
     data = pickle.dumps(catalogue)
     for path in tmp_path.iterdir():
         path.unlink()
@@ -238,7 +238,7 @@ def test_unusable_folders_and_files_are_refused(tmp_path):
     with pytest.raises(DescriptionError, match=r'plates\.yaml: .*UTF-8'):
         Catalogue(tmp_path)
     plates.unlink()
-    os.mkfifo(plates)  # without a writer: reading would block forever
+    os.mkfifo(plates)  # to read this named pipe would block forever
     with pytest.raises(DescriptionError, match=r'plates\.yaml'):
         Catalogue(tmp_path)
 
@@ -272,6 +272,6 @@ def test_any_file_gives_a_catalogue_or_a_sentence(tmp_path, name, data):
         hash(Catalogue(tmp_path))
     except DescriptionError as error:
         said = str(error)
-        # A rig that does not fit the packaged finger is refused under the finger's name.
+        # A valid rig.yaml can contradict the packaged finger, whose field is then named.
         assert name in said or 'contact_bend_deg' in said
         assert '\n' not in said

@@ -22,7 +22,7 @@ PING, REBOOT = 0x01, 0x08
 
 
 class Bench:
-    """A servo that tightens a spring, and a clock."""
+    """A simulated servo that pulls on a spring, in virtual time."""
 
     def __init__(self):
         self.device = DynamixelDevice(DRIVE)
@@ -66,13 +66,14 @@ def test_crc_is_the_sdks(data):
 
 
 def test_ping_matches_the_published_packets():
-    # ROBOTIS e-Manual, Protocol 2.0, ping of ID 1 and its answer (there firmware 38, model 1030).
+    # The ping of ID 1 and its answer are copied from the e-Manual of ROBOTIS (Protocol 2.0), whose
+    # example is a servo of model 1030 with firmware 38.
     assert encode_instruction(1, 0x01) == bytes.fromhex('fffffd0001030001194e')
     assert encode_status(1, 0, b'\x06\x04\x26') == bytes.fromhex('fffffd000107005500060426655d')
 
 
 bodies = st.binary(max_size=20).map(lambda b: b.replace(b'\x00', b'\xff\xff\xfd'))
-# Garbage that cannot look like the beginning of a packet.
+# Random bytes without 0xff, because the header of every packet contains 0xff.
 garbage = st.binary(max_size=12).map(lambda b: b.replace(b'\xff', b'\x01'))
 
 
@@ -97,7 +98,7 @@ def test_a_packet_after_a_broken_one_is_found(junk, kept):
     assert found[-1].code == 0x01
     assert found[-1].is_intact
     bench = Bench()
-    bench.device.receive(junk, 0.0)  # must not raise for any input
+    bench.device.receive(junk, 0.0)  # no input may raise an exception
 
 
 def test_corrupt_packet_is_answered_with_the_crc_error():
@@ -128,7 +129,7 @@ def test_control_table_guards_itself():
     assert bench.write(known.OPERATING_MODE, 5) == 0  # this also resets the profile
     assert (bench.read(known.PROFILE_VELOCITY), bench.read(known.GOAL_CURRENT)) == (0, 50)
     bench.arm(current=50)
-    assert bench.write(known.OPERATING_MODE, 4) == ACCESS  # torque is on
+    assert bench.write(known.OPERATING_MODE, 4) == ACCESS  # refused while the torque is on
     assert bench.read(known.OPERATING_MODE) == 5
 
 
@@ -144,7 +145,7 @@ def test_a_run_of_registers_is_written_as_a_whole_or_not_at_all():
     assert write(20, 3000) == 0
     assert (bench.read(known.PROFILE_VELOCITY), bench.read(known.GOAL_POSITION)) == (20, 3000)
     assert write(30, 2_000_000) == RANGE
-    assert write(30, 2500, b'\x00') == ACCESS  # the registers after the goal cannot be written
+    assert write(30, 2500, b'\x00') == ACCESS  # the byte after the goal is read-only
     assert (bench.read(known.PROFILE_VELOCITY), bench.read(known.GOAL_POSITION)) == (20, 3000)
 
 
@@ -202,7 +203,7 @@ def test_watchdog_stops_the_motor_and_locks_the_goals():
     bench.write(known.PROFILE_VELOCITY, 20)
     bench.write(known.BUS_WATCHDOG, 10)
     bench.write(known.GOAL_POSITION, 4048)
-    for _ in range(5):  # reads feed the watchdog
+    for _ in range(5):  # every read restarts the time of the bus watchdog
         bench.wait(0.15)
         assert bench.read(known.BUS_WATCHDOG) == 10
     bench.wait(0.4)
@@ -227,7 +228,7 @@ def test_a_hardware_error_ends_torque_until_a_reboot_when_its_cause_is_gone():
         assert bench.read(known.TORQUE_ENABLE) == 0
         assert bench.read(known.PRESENT_TEMPERATURE) == 85
         bench.send(REBOOT)
-        assert bench.send(PING) is None  # silent while it boots
+        assert bench.send(PING) is None  # the servo does not answer while it boots
         bench.wait(0.35)
     bench.device.cool()
     assert bench.read(known.HARDWARE_ERROR) == 0x04  # the error remains until a reboot

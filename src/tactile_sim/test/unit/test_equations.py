@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The equations of the finger agree with integrals and derivatives computed in another way."""
+"""The equations of the finger agree with numerical integrals and derivatives."""
 
 import itertools
 
@@ -28,7 +28,7 @@ MASS, TIP_MASS = 0.02, 0.007
 
 
 def shapes(xi):
-    """Return the curvature modes at these positions, shape (3, positions)."""
+    """Return the angles of the three curvature modes at ``xi``, shape (3, positions)."""
     return np.stack([xi, xi**2 - xi, 2 * xi**3 - 3 * xi**2 + xi])
 
 
@@ -71,7 +71,8 @@ def test_tip_and_its_slopes_against_64_nodes_in_extended_precision(bend_deg, bou
 
 @pytest.mark.parametrize(('bend_deg', 'bound'), [(60.0, 2e-5), (115.0, 6e-5)])
 def test_weight_is_the_slope_of_the_potential(bend_deg, bound):
-    # The drop of every point of the line is a nested integral; derivatives use complex steps.
+    # The potential contains the drop of every point of the finger, which is itself an integral.
+    # The potential is differentiated by complex steps.
     points, weight = np.polynomial.legendre.leggauss(16)
     xi, weight = (points + 1) / 2, weight / 2
     inner = shapes(np.outer(xi, xi).ravel())
@@ -111,7 +112,10 @@ RATE, GRID_LINE = 600.0, np.array(NODE_XI)
 
 
 class Reference:
-    """The balance of the three modes as in docs/simulation.md; modes may be complex."""
+    """The balance of the three modes, written as in docs/simulation.md.
+
+    Modes can be complex numbers, so that the balance can be differentiated by complex steps.
+    """
 
     def __init__(self, case):
         self.case = case
@@ -126,7 +130,7 @@ class Reference:
         )
 
     def press(self, drop, reach):
-        """Normal force and the surface's slope."""
+        """Return the normal force and the slope of the surface."""
         case = self.case
         beside = reach - self.middle
         height = case['incline'] * beside + case['bend'] * beside**2 / 2
@@ -134,8 +138,8 @@ class Reference:
         if case['material'] is None:
             force = push if push.real > 0 else 0.0
         else:
-            # The compression p of the object follows from force = push - tip u with u
-            # = p + p^2 / (2 s).
+            # The compression p of the object is the solution of the quadratic equation
+            # k p - rest = push - tip (p + s p^2 / 2).
             k, s = case['material'], CONSTANTS.inverse_softening
             a, b, const = case['tip'] * s / 2, case['tip'] + k, -(push + case['rest'])
             p = (-b + np.sqrt(b * b - 4 * a * const)) / (2 * a)
@@ -144,7 +148,10 @@ class Reference:
         return force, case['incline'] + case['bend'] * beside
 
     def loads(self, modes):
-        """Tension, normal force and slope, friction at the tip, share of the tendon's friction."""
+        """Return tension, normal force, slope, and friction at the tip and along the tendon.
+
+        The friction along the tendon is given as a fraction of its limit, from -1 to 1.
+        """
         case, c = self.case, CONSTANTS
         drop, reach = self.place(modes)
         force, incline = self.press(drop, reach)
@@ -160,14 +167,14 @@ class Reference:
         return tension, force, incline, shear, ahead
 
     def end(self, modes):
-        """Tension, normal force, and where tip and tendon stick afterwards."""
+        """Return tension, normal force, and the positions at which tip and tendon stick."""
         tension, force, _, shear, ahead = self.loads(modes)
         place = self.case['place'] + self.place(modes)[1] - self.middle
         tip = place - shear / CONSTANTS.shear_stiffness
         return tension, force, tip, modes[0] - ahead * CONSTANTS.presliding_rad
 
     def moments(self, modes):
-        """Return the sum of all moments except `creep`, shape (3,); must be zero."""
+        """Return the sum of all moments without creep, shape (3,). In balance, it is zero."""
         case, c = self.case, CONSTANTS
         share = np.array([1, 1 / 3, 1 / 5])
         xi, weight = np.float64(FINE_XI), np.float64(FINE_WEIGHT)
@@ -212,7 +219,7 @@ def random_case(generator, kind):
         'incline': generator.uniform(-0.3, 0.3),
         'bend': generator.uniform(-50.0, 50.0),
         'place': 0.003,
-        # Both stick: the shear is far below the limit, and the tendon has not begun to slide.
+        # The tip sticks, because its shear is far below the limit, and so does the tendon.
         'sliders': [0.003 - 2e-5, modes[0] - 0.003],
         'friction': 0.4,
         'stiff': 1.05,
@@ -236,7 +243,7 @@ def random_case(generator, kind):
 
 
 def press(case):
-    """Normal force and its slope."""
+    """Return the normal force and its derivative with respect to the indentation."""
     arguments = (case['tip'], case['held'])
     if case['material'] is None:
         return compute_rigid_contact(case['indentation'], *arguments)
@@ -286,14 +293,14 @@ def test_balance_and_its_derivatives_against_the_documented_sum(kind):
         def lend(missing, case=case, exact=exact):
             return balance(case, (exact - missing) / case['stiff'])
 
-        # If the missing moment of the sum is added, the finger is in balance.
+        # `lend` adds an external moment that balances the finger except for ``missing``.
         assert lend(np.zeros(3))[0] < 2e-9
-        # Away from the balance, the change solves the linear equations, mode by mode.
+        # For a small missing moment, the change of the modes solves the linear equations.
         for missing in 1e-4 * np.eye(3):
             residual, changes, *_ = lend(missing)
             assert residual == pytest.approx(1e-4, rel=1e-4)
             np.testing.assert_allclose(jacobian @ changes, missing, rtol=0, atol=3e-8)
-        # A small change leads to a linear change, apart from its square.
+        # For an even smaller one, the values predicted after the change agree with exact ones.
         for missing in 1e-6 * np.eye(3):
             _, changes, _, after, surprise = lend(missing)
             expected = reference.end(case['modes'] - np.array(changes))
@@ -329,13 +336,13 @@ def test_object_is_a_spring_behind_the_fingertip(material, inverse_softening):
     )
     touching = force > 0
     assert 0 < touching.sum() < 2001
-    # In series, the compressions of tip and object add up to the indentation.
+    # The compressions of tip and object add up to the indentation, as in two springs in series.
     u = p + p**2 * inverse_softening / 2
     both = (force / tip + u)[touching]
     np.testing.assert_allclose(both, indentation[touching], rtol=0, atol=1e-15 + 1e-12 * 5e-3)
     np.testing.assert_allclose(force[touching], (material * p - rest)[touching], rtol=1e-12)
     np.testing.assert_allclose(p[~touching], rest / material)
-    # If the object softens, the force grows continuously and less and less steeply.
+    # The force grows continuously; if the object softens, it grows less and less steeply.
     assert np.all(np.diff(force) >= 0)
     assert force[touching][0] <= tip * (indentation[1] - indentation[0])
     middle = (slope[1:] + slope[:-1])[touching[:-1]] / 2
@@ -349,7 +356,10 @@ def test_object_is_a_spring_behind_the_fingertip(material, inverse_softening):
 
 @pytest.mark.parametrize(('wrap', 'bound'), [(0.0, 4e-15), (0.125, 2e-7), (0.3, 1e-5)])
 def test_capstan_series(wrap, bound):
-    """Moments of exp(-wrap xi) on the modes; a wrap of 0.125 is 115 deg with packaged friction."""
+    """The series for the capstan friction agrees with integrals of exp(-wrap xi).
+
+    With the packaged friction, ``wrap`` is 0.125 at a bend of 115 degrees.
+    """
     constants = CONSTANTS._replace(
         tendon_friction=wrap, stiffness=0.0, mass=0.0, tip_mass=0.0, arm=1.0, tendon_stiffness=1.0
     )

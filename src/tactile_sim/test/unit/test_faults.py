@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faulty lines in virtual time, byte by byte."""
+"""Faults of the serial lines of simulated devices, in virtual time."""
 
 from pathlib import Path
 
@@ -54,7 +54,7 @@ def test_a_fault_lasts_its_time_or_until_all_are_ended():
     assert line.poll(1.5) == b'1500,ok\r\n'
     begin(line, 'deaf', 2.0)
     begin(line, 'mute', 2.0)
-    begin(line, 'burst', 2.0, 1.0)  # the end of one does not end the others
+    begin(line, 'burst', 2.0, 1.0)  # its end does not end the other faults
     assert (line.receive(b'abc', 2.0), line.poll(4.0)) == (b'', b'')
     begin(line, 'none', 4.0)
     assert (line.receive(b'abc', 4.0), line.poll(4.0)) == (b'abc', b'4000,ok\r\n')
@@ -105,14 +105,14 @@ def test_another_speed_gives_a_bounded_number_of_bytes(data, ratio):
 
 
 def test_another_speed_by_hand():
-    # 0x0f on the line: start 0, four ones, four zeros, stop 1.
-    # A receiver of half the speed samples bits 3, 5, 7 and 9 of the line, and then the idle
-    # line.
+    # The byte 0x0f is sent as a start bit (0), four ones, four zeros and a stop bit (1), which are
+    # counted from 0 here. A receiver of half the speed samples bits 3, 5, 7 and 9, and then the
+    # idle line.
     assert resample_uart(b'\x0f', 2.0) == bytes([0b11111001])
-    # A receiver of twice the speed completes its byte in bit 4, and starts again at bit 5.
+    # A receiver of twice the speed completes its first byte at bit 4, and begins a second one at
+    # bit 5.
     assert resample_uart(b'\x0f', 0.5) == bytes([0b11111110, 0b10000000])
-    # A receiver of eight times the speed reads the start bit as a whole byte without a stop
-    # bit.
+    # A receiver of ten times the speed takes the start bit for a whole byte of zeros.
     assert resample_uart(b'\xff', 0.1) == b'\0'
 
 
@@ -124,7 +124,7 @@ CORES = {
 
 
 class Bench:
-    """A device behind its line, and its clock."""
+    """A simulated device behind a faulty line, in virtual time."""
 
     def __init__(self, device):
         self.name = device
@@ -170,7 +170,7 @@ def test_a_mute_sensor_and_an_unplugged_one_lose_their_lines():
     assert bench.wait(0.499) == b''
     assert int(bench.wait(0.1).split(b',')[0]) >= 500
     bench.begin('unplug', 0.1)
-    # The sensor is powered through the cable, so it restarts.
+    # The unplugged cable also powers the sensor, so the sensor restarts.
     assert bench.wait(0.1) == b''
     assert b'version 1.2\r\n' in (said := bench.wait(0.7))
     assert b'Readings:\r\n0,' in said
@@ -204,7 +204,7 @@ def test_a_restarted_servo_is_silent():
     bench.begin('restart')
     assert bench.send(PING) == b''
     bench.wait(0.35)
-    # Half of a packet arrives before the restart and half after it, so there is no packet.
+    # The first half of this packet was sent before the restart, so the servo has forgotten it.
     assert bench.send(PING[6:]) == b''
     assert bench.send(PING) == PONG
 

@@ -13,7 +13,7 @@ from tactile_sim.devices.grbl import GrblDevice
 
 
 class Bench:
-    """A controller and its clock."""
+    """A simulated Grbl controller in virtual time."""
 
     def __init__(self, homed=True):
         self.device = GrblDevice(default_catalogue().rig().guide)
@@ -39,7 +39,7 @@ def test_after_power_up_homing_finds_the_negative_end():
     assert bench.send('') == UNLOCK
     assert bench.send('G0X-1\n') == 'error:9\r\n'
     assert bench.send('?').startswith('<Alarm|MPos:0.000,')
-    assert bench.send('$H\n?', after_s=1.0) == ''  # no status while homing
+    assert bench.send('$H\n?', after_s=1.0) == ''  # Grbl sends no status while it homes
     assert bench.send('', after_s=10.0) == 'ok\r\n'
     assert bench.mpos() == -199.0
     assert bench.device.position_m(bench.now_s) == pytest.approx(0.001)
@@ -50,11 +50,11 @@ def test_ok_means_planned_and_dwell_means_done():
     said = bench.send('G21G90G94\nG1X-169F900\nG4P0.01\n?')
     assert said.count('ok') == 2
     assert '<Run|' in said
-    # Expected time from rest: distance / speed + speed / acceleration, and then the dwell.
+    # The move takes distance / speed + speed / acceleration, and the dwell follows.
     assert 'ok' not in bench.send('', after_s=30 / 15 + 15 / 500 + 0.009)
     assert bench.send('', after_s=0.002) == 'ok\r\n'
     assert bench.mpos() == -169.0
-    # Events between two bytes come before the reply to the second byte.
+    # The dwell ends before the '?' is received, so its 'ok' precedes the status.
     assert bench.send('G4P0\n?').startswith('ok\r\n<Idle|')
 
 
@@ -193,12 +193,12 @@ def test_power_loss_forgets_all_but_settings(doing):
     bench.send(doing, after_s=0.2)
     bench.device.restart(bench.now_s)
     here_m = bench.device.position_m(bench.now_s)
-    # the controller boots, and receives nothing
+    # While the controller boots, it ignores all bytes.
     assert bench.send('G1X0F900\n?\x18', after_s=0.999) == ''
     said = bench.send('', after_s=0.001)
     assert said == UNLOCK
     bench.now_s += 20.0
-    assert bench.send('?').startswith('<Alarm|MPos:0.000,')  # no late ok is sent
+    assert bench.send('?').startswith('<Alarm|MPos:0.000,')  # no late "ok" before it
     assert bench.device.position_m(bench.now_s) == here_m
     assert '$110=3000.000' in bench.send('$$\n')
     assert bench.send('$H\n', after_s=20.0) == 'ok\r\n'
@@ -212,7 +212,7 @@ def test_the_limit_switch_stops_it_dead_until_a_reset(doing):
     bench.device.trip_limit(bench.now_s)
     here_m = bench.device.position_m(bench.now_s)
     assert bench.send('', after_s=0.4).endswith('ALARM:1\r\n')
-    assert bench.send('\x18', after_s=0.099) == ''  # the reset is ignored
+    assert bench.send('\x18', after_s=0.099) == ''  # a reset within half a second is ignored
     assert bench.send('?$X\n~!\x85', after_s=0.001) == '[MSG:Reset to continue]\r\n'
     assert bench.send('?$X\n', after_s=20.0) == ''
     assert bench.device.position_m(bench.now_s) == here_m

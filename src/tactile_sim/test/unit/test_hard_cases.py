@@ -1,11 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hard cases stay within error bounds, and every accepted description gives a valid result.
+"""Errors of the simulation are bounded in numerically difficult cases and for any description.
 
-Each hard case returns an error and its bound. The error is infinite if a step found no balance.
-Most cases compare the tension with a simulation with steps 40 times finer (rms of the difference,
-relative to the alternating part).
+Each function of a hard case returns an error and the largest accepted error. The error is infinite
+if no balance was found in a step. In most cases, the tension is compared with the tension of a
+simulation whose steps are 40 times finer. The error is then the standard deviation of the
+difference, relative to the standard deviation of the tension.
 """
 
 import dataclasses
@@ -37,7 +38,7 @@ FINER = 40
 
 
 def _glide(times_s):
-    """Return the error of a press within 0.2 s and a glide over the grooves at 15 mm/s."""
+    """Return tendon and guide positions of a press, followed by a glide at 15 mm/s."""
     tendon_m = ramp(times_s, 0.02, 0.0, 0.0054, 0.03)
     return tendon_m, 0.074 + ramp(times_s, 0.25, 0.0, 1.0, 0.015)
 
@@ -66,7 +67,7 @@ def _plate(**dimensions):
 
 
 def edge_at_a_sample():
-    """The guide stops with the tip's centre on a groove's edge, to within rounding."""
+    """The guide stops when the centre of the tip is exactly above the edge of a groove."""
     scene = _plate(pitch_mm=16.0, width_mm=12.0, depth_mm=0.3)
     rest = run(scene, STEP_S, np.full(2, 0.0052), 0.075).state
     offset_m = 0.010 + 0.002 - (rest[at.TIP_SLIDER, 0] - 0.075)
@@ -83,8 +84,8 @@ def groove_narrower_than_the_tip():
     flat = _tension(plate_scene('F'), _glide, 0.7, STEP_S)[1]
     grooved = _tension(_plate(pitch_mm=2.0, width_mm=0.1, depth_mm=5.0), _glide, 0.7, STEP_S)[1]
     value = np.abs(flat - grooved).max()
-    # The slope of the path is at most 0.05 / 5, which has the effect of a change of friction
-    # by 0.01.
+    # The slope of the tip's path is at most half the groove's width divided by the tip's radius,
+    # which is 0.01. It has the same effect as a change of the friction coefficient by 0.01.
     return value, 0.02
 
 
@@ -93,13 +94,13 @@ def slack_tendon(displacement_m):
     rows = run(free_scene(), STEP_S, tendon_m).rows[:, 0]
     moved = np.ptp(rows[at.MODES]) + rows[at.TENSION].max() * 1e3
     if displacement_m == 0.0:
-        # The finger sags, so a tendon that is just slack carries no load.
+        # The free finger sags under its weight, so that the tendon is slack.
         assert rows[at.MODES, 0] > 0.01
     return moved, 1e-6
 
 
 def long_steps(factor):
-    """Steps up to 1000 times too long give bounded results that are accurate at their ends."""
+    """Steps that are up to 1000 times too long still give approximate tensions at their ends."""
     step_s = STEP_S * factor
     scene = plate_scene('R3')
     times_s = step_s * np.arange(max(round(2.0 / step_s), 2) + 1)
@@ -108,19 +109,19 @@ def long_steps(factor):
     fine = run(scene, STEP_S, *_glide(fine_s)).rows[at.TENSION][0]
     tension = result.rows[at.TENSION][0]
     if result.failed[0] >= 0:
-        return 0.0, 0.0  # the failure is reported
+        return 0.0, 0.0  # a step without balance is accepted, because the result reports it
     value = np.abs(tension - np.interp(times_s, fine_s, fine)).max() / fine.max()
     return value, 0.2
 
 
 def _release(times_s):
-    """Release at 48 mm/s, the highest speed of the drive: contact is lost within 0.1 s."""
+    """Return positions of a press and a release at 48 mm/s, the highest speed of the drive."""
     tendon_m = ramp(times_s, 0.02, 0.0, 0.0054, 0.03) + ramp(times_s, 0.3, 0.0, -0.0054, 0.048)
     return tendon_m, np.full(len(times_s), CONTACT_GUIDE_M)
 
 
 def long_hold():
-    """After ten minutes everything has relaxed, and only the static springs remain."""
+    """After a press of ten minutes, the tension equals that of a scene without relaxation."""
     branches = (Branch(240.0, 3.0), Branch(100.0, 30.0))
     scene = dataclasses.replace(
         object_scene(Body(60.0, branches, 0.0, 0.0), tendon_friction=0.0), friction=0.0
@@ -130,7 +131,7 @@ def long_hold():
     held = run(scene, step_s, ramp(times_s, 0.1, 0.0, 0.0052, 0.02))
     if held.failed[0] >= 0:
         return math.inf, 0.0
-    # Another scene without branches and creep, immediately at rest.
+    # The comparison scene has no relaxing branches and no creep, so it is at rest immediately.
     relaxed = change(scene, body=Body(60.0, (), 0.0, 0.0), creep_stiffness_nm_rad=0.0)
     rest = run(relaxed, 1e3, np.full(2, 0.0052)).rows[at.TENSION][0, -1]
     value = abs(held.rows[at.TENSION][0, -1] - rest) / rest
@@ -138,7 +139,7 @@ def long_hold():
 
 
 def shortest_lengths():
-    """Every value of the description that may be zero or tiny is zero or tiny."""
+    """A finger whose dimensions and dampings are zero or the smallest accepted values."""
     finger = {
         'length_m': 0.01,
         'moment_arm_m': 1e-4,
@@ -158,12 +159,12 @@ def shortest_lengths():
 
 
 COMPARED = {
-    # A finger with inertia bounces on a surface that is a thousand times stiffer.
+    # With the stiffest contact, the finger bounces on the surface, so the error is larger.
     **{f'contact {n}': ({'tip_stiffness_n_m': n * 3e3}, 0.06) for n in (0.1, 1, 10, 100)},
     'contact 1000': ({'tip_stiffness_n_m': 3e6}, 0.1),
     'undamped contact': ({'tip_damping_n_s_m': 0.0}, 0.06),
     'undamped contact 1000': ({'tip_stiffness_n_m': 3e6, 'tip_damping_n_s_m': 0.0}, 0.1),
-    # Friction does not depend on speed here; a stiff shear spring has the corresponding effect.
+    # The stiff shear spring makes the friction change its sign almost abruptly.
     'shear 1000': ({'tip_shear_stiffness_n_m': 2e6}, 0.06),
     'tendon presliding': ({'tendon_presliding_m': 1e-7}, 0.06),
     'no mass': ({'mass_kg': 0.0, 'tip_mass_kg': 0.0}, 0.02),
@@ -197,7 +198,7 @@ def test_hard_case(name):
 
 
 def any_number(field):
-    """Return a strategy for all accepted numbers, uniform in their order of magnitude."""
+    """Return a Hypothesis strategy for all accepted numbers, with uniform logarithms."""
     low, high = field.metadata['range']
     if low < 0.0 < high:
         return st.floats(low, high)
@@ -217,7 +218,7 @@ def any_of(kind, **fixed):
 
 
 def make_finger(values, share):
-    # The stop must lie beyond the contact in every valid description.
+    # A valid finger touches the object before it reaches its bend stop.
     return Finger(**{**values, 'contact_bend_deg': share * values['bend_stop_deg']})
 
 
@@ -229,7 +230,7 @@ GUIDE_M = 0.060 + ramp(TIMES_S, 0.03, 0.0, 0.002, 0.05)
 
 
 def check(scene):
-    """Check that all values are finite, and that forces do not exceed what the springs allow."""
+    """Check that all values are finite, and that the tension is that of the tendon's spring."""
     try:
         trusted_nm = TRUSTED_NM if scene.inertia else 0.0
         result = run(scene, 1 / 600, TENDON_M, GUIDE_M, trusted_nm=trusted_nm)
@@ -240,7 +241,7 @@ def check(scene):
     assert np.isfinite(known).all()
     assert (known[at.TENSION] >= 0.0).all()
     assert (known[at.FORCE] >= 0.0).all()
-    # The tendon is stretched by the part of the pull that exceeds the bend.
+    # The stretch of the tendon is its displacement minus the part that bends the finger.
     stretch = TENDON_M[: known.shape[1]] - scene.finger.moment_arm_m * known[at.MODES]
     expected = scene.finger.tendon_stiffness_n_m * np.maximum(stretch, 0.0)
     rounding = 1e-15 * scene.finger.tendon_stiffness_n_m

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The load cell: from forces to readings, and the lines that the device sends."""
+"""The simulated load cell: readings for given forces, and the lines that it sends."""
 
 import dataclasses
 from decimal import Decimal, localcontext
@@ -31,7 +31,7 @@ def make_generators(count, seed=0):
 
 def compute_exactly(step_s, low_pass_hz):
     with localcontext() as context:
-        context.prec = 400  # the quotients suffer from cancellation for steps down to 1e-300 s
+        context.prec = 400  # digits; the differences below cancel most of them for short steps
         a = 2 * PI * Decimal(low_pass_hz) * Decimal(step_s)
         alpha = (-a).exp()
         mean = (1 - alpha) / a
@@ -129,12 +129,12 @@ def read_newtons(lines):
 def test_lines_carry_time_and_filtered_tension_between_steps(step_s):
     seconds = 20 * step_s if step_s > 1e-2 else 1.0
     lines = record(FINE, lambda t: 2.0 * t, seconds, step_s=step_s)
-    # the sixty-first line is due 30 microseconds after the end of the second
+    # After one second, the 61st line is only 30 microseconds away.
     assert len(lines) in (60, 61)
     assert [int(line[0]) for line in lines[:4]] == [0, 16, 33, 50]
     true_s = np.arange(len(lines)) / 60 * (1 + 30e-6)
     lag_s = 1 / (2 * np.pi * FINE.low_pass_hz)
-    # The response of one pole to a ramp from rest lags by the time constant.
+    # The response of a first-order low pass to a ramp lags by its time constant in the end.
     wanted = 2.0 * (true_s - lag_s * (1 - np.exp(-true_s / lag_s)))
     assert read_newtons(lines) == pytest.approx(wanted, abs=ROUNDING_N + 1e-6)
     assert {tuple(line[2:]) for line in lines} == {(b'kg', b'SIMULATED', b'')}
@@ -156,7 +156,7 @@ def test_readings_are_those_of_the_fast_path():
 
 
 class Bench:
-    """A load cell under 3 N, and its clock."""
+    """A simulated load cell with a constant tension of 3 N, in virtual time."""
 
     def __init__(self):
         self.device = LoadCellDevice(CELL, np.random.default_rng(1))

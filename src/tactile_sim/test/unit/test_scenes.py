@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts that a scene omits have no effect, and each part has the effect that its name states."""
+"""Every part and deviation of a scene has its intended effect, and omitted parts have none."""
 
 import dataclasses
 
@@ -54,7 +54,7 @@ def test_the_mounting_height_and_the_tendons_zero_shift_the_contact():
     described = touch()
     assert touch(contact_height_m=5e-4) < described - 5e-5
     assert touch(contact_height_m=-5e-4) > described + 5e-5
-    # The tendon becomes taut 0.1 mm later, so every response is shifted by 0.1 mm.
+    # With a zero of 0.1 mm, the tendon becomes taut later, so the contact also begins later.
     assert touch(tendon_zero_m=1e-4) - described == pytest.approx(1e-4, abs=2.1e-5)
 
 
@@ -71,7 +71,7 @@ def test_circle_on_step_rolls_over_the_edge():
     x = grid(0.01)
     step = np.where(x <= 0, 0.0, -2e-3)
     dilated = dilate_by_circle(step, SPACING_M, RADIUS_M)
-    # Beyond the edge the circle rolls around the edge until it reaches the lower level.
+    # The circle rolls around the edge of the step until it touches the lower level.
     lower = np.sqrt(RADIUS_M**2 - (RADIUS_M - 2e-3) ** 2)
     edge = np.sqrt(RADIUS_M**2 - np.clip(x, 0, RADIUS_M) ** 2) - RADIUS_M
     expected = np.where(x <= 0, 0.0, np.where(x >= lower, -2e-3, edge))
@@ -130,5 +130,5 @@ def test_slope_is_the_derivative_of_the_height():
     x, h = np.linspace(0.012, 0.05, 4001), 2e-5
     ahead, behind = surface.sample(x + h)[0], surface.sample(x - h)[0]
     difference = np.abs((ahead - behind) / (2 * h) - surface.sample(x)[1])
-    # Corners are rounded over one cell.
+    # The slopes differ at the corners, because `sample` rounds them over one cell of the table.
     assert np.quantile(difference, 0.97) < 3e-3

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The solver: same bytes as its NumPy reference, independent trials, failures, order of error."""
+"""The solver: agreement with the NumPy reference, independence of trials, failures, errors."""
 
 import dataclasses
 import sys
@@ -32,7 +32,7 @@ TIMES_S = STEP_S * np.arange(301)
 
 
 def make_trial(protocol, label, contact, count):
-    """Return the inputs of a trial: press at 20 mm/s, then glide along a plate."""
+    """Return scene, tendon and guide positions, and variation of a press or of a glide."""
     scene = build_scene(protocol, label, contact)
     tendon = ramp(TIMES_S, 0.02, 0.0, PULL_M[contact], 0.03)
     glide = ramp(TIMES_S, 0.35, 0.0, 1.0, 0.015)
@@ -68,7 +68,7 @@ def test_both_solvers_give_the_same_bytes(names, trusted_nm, euler):
 
 @pytest.mark.parametrize('stiffer', [1.0, 1e3])
 def test_unchecked_changes_solve_the_steps(stiffer):
-    """This includes steps within which the friction of the tendon reverses."""
+    """Changes up to ``trusted_nm`` are not checked, even if the tendon's friction reverses."""
     scene, *inputs, variation = make_trial('texture', 'C1', 'flexion', 4)
     presliding_m = scene.finger.tendon_presliding_m / stiffer
     scene = change(scene, tendon_presliding_m=presliding_m)
@@ -113,7 +113,7 @@ def test_no_balance_is_a_failure_from_that_step_on():
 
 
 def test_a_step_too_long_for_the_iterations_is_cut_into_parts():
-    """One step from a slack tendon to a closed finger, for which Newton's steps are too large."""
+    """In one step, a slack tendon closes the finger, so that Newton's method fails at first."""
     one, other = (
         run(free_scene(), 1.0, np.array([0.0, 0.02]), solver=solver)
         for solver in ('compiled', 'numpy')
@@ -184,7 +184,10 @@ ROWS = [at.TENSION, at.FORCE, at.SENSED, at.MODES + 1, at.CREEP, at.SQUEEZED, at
 
 
 def compute_error(scene, euler, steps):
-    """Return errors against a run with many more steps, relative to the range, shape (rows,)."""
+    """Return the largest error of each quantity in `ROWS`, relative to its range.
+
+    The exact values are those of a simulation with many more steps.
+    """
 
     def sample(count, euler):
         times_s = np.linspace(0.0, 0.3, count + 1)
@@ -194,7 +197,7 @@ def compute_error(scene, euler, steps):
         return result.rows[ROWS, 0, :: count // 50]
 
     fine = sample(6400, euler=False)
-    assert (fine[1] > 0).all()  # the object is touched all the time
+    assert (fine[1] > 0).all()  # the finger never loses contact
     error = np.abs(sample(steps, euler) - fine).max(axis=1)
     return error / np.maximum(np.ptp(fine, axis=1), 1e-12)
 
@@ -207,7 +210,7 @@ def test_order_of_convergence_is_the_one_claimed(euler, within, label):
     scene = dataclasses.replace(change(scene, tendon_friction=0.0), friction=0.0)
     errors = np.array([compute_error(scene, euler, steps) for steps in (400, 800)])
     if label == 'F':
-        errors = errors[:, :-1]  # a plate has no branches
+        errors = errors[:, :-1]  # a plate has no relaxing branches
     orders = np.log2(errors[:-1] / errors[1:])
     np.testing.assert_allclose(orders, 1 if euler else 2, atol=within)
     assert errors[-1].max() < (2e-2 if euler else 1e-3)
@@ -220,7 +223,8 @@ def test_a_pressed_object_recovers_alone_once_it_is_out_of_reach(step_s):
     press = ramp(1e-3 * np.arange(1001), 0.0, 0.0, 0.006, 0.1)
     pressed = run(scene, 1e-3, press).state
     assert pressed[at.FORCE, 0] > 0.1
-    # Without contact, the compression of the object decays with the time 2 s (200 + 300) / 200.
+    # Without contact, the time constant of the object's recovery is the relaxation time of 2 s
+    # times the ratio of all springs to the static spring, (200 + 300) / 200.
     count = round(2.0 / step_s)
     result = run(scene, step_s, np.full(count + 1, 0.006), 0.090, state=pressed)
     branch, left, force = result.rows[[at.BRANCHES, at.PRESSED, at.FORCE], 0]

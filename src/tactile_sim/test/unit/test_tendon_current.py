@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""SIMULATED: comparison of motor current and sensor, as in the driver of the tendon."""
+"""SIMULATED: the driver's comparison of motor current and sensor, with a simulated rig."""
 
 import math
 
@@ -16,13 +16,13 @@ from tactile_sim.devices.dynamixel import VELOCITY_COUNTS_S
 from tactile_sim.rig import PalpationRig
 
 CATALOGUE = default_catalogue()
-# limits for pulls that are faster than in any trial
+# The force limits are high, because the pulls in these tests are faster than in any trial.
 CONFIG = TendonActuatorConfig(flexion_limit_n=19.0, saturation_n=19.6)
 M_PER_COUNT = math.tau * CONFIG.pulley_radius_m / known.COUNTS_PER_TURN
 DISPLACEMENT_M = {'flexion': 0.0049, 'abduction': 0.0074}
 POLL_NS = 16_666_667
 SENSOR_DELAY_NS = 10_000_000
-"""Delays of a sample [ns]: serial line and sensor driver, and polling."""
+"""Delay of a sample from the measurement to the tendon driver [ns]."""
 
 OBJECTS = [
     (protocol, label)
@@ -32,7 +32,7 @@ OBJECTS = [
 
 
 class Bench:
-    """Simulated servo, finger and sensor in virtual time, with `TendonSafety` of the driver."""
+    """A simulated rig in virtual time, and the `TendonSafety` of the tendon driver."""
 
     def __init__(self, protocol, label, contact):
         self.contact = contact
@@ -45,7 +45,7 @@ class Bench:
         self.write(known.TORQUE_ENABLE, 1)
         self.safety = TendonSafety(CONFIG)
         self.safety.set_zero(Zero.UNCONFIRMED)
-        self.most_n = -math.inf  # largest difference of current and sensor that lasted 0.1 s [N]
+        self.most_n = -math.inf  # largest excess of the current over the sensor for 0.1 s [N]
         self.excesses = []
         for _ in range(30):
             self.cycle()
@@ -63,7 +63,7 @@ class Bench:
         self.tension_n = self.tension_n[0]
 
     def cycle(self, frozen_n=None):
-        """Simulate one poll of the servo; return the order of safety that follows."""
+        """Simulate one poll of the servo; return the order that `TendonSafety` then gives."""
         self.now_ns += POLL_NS
         self.read_sensor()
         tension_n = self.tension_n if frozen_n is None else frozen_n
@@ -80,7 +80,7 @@ class Bench:
         return self.safety.decide(self.rig.tendon.displacement_m, self.now_ns)
 
     def pull(self, displacement_m, speed_m_s, frozen_n=None):
-        """Pull to a displacement, or for 3 s, or until safety ends it; return the last order."""
+        """Pull for at most 3 s, or until `TendonSafety` stops the pull; return its last order."""
         pull = Pull(displacement_m, self.contact)
         self.safety.admit(pull, 0.0, self.now_ns)
         velocity = round(speed_m_s / M_PER_COUNT / VELOCITY_COUNTS_S)

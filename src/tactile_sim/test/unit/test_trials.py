@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated trials: batches close to the paper, single steps, and mounted objects."""
+"""Simulated trials: agreement with the paper, single steps, and mounting of objects."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ PRESS = {
 
 def test_same_seed_same_bytes_whatever_the_count_and_the_first():
     names = ('texture', 'T1', 'flexion', SHORT)
-    many = simulate_trials(*names, 70, 5)  # more than one batch
+    many = simulate_trials(*names, 70, 5)  # 70 trials are more than one batch
     assert many.tension_n.shape == (70, len(many.sample_times_s))
     for first, count in ((0, 2), (62, 4)):
         some, part = simulate_trials(*names, count, 5, first=first), slice(first, first + count)
@@ -67,7 +67,7 @@ def test_a_phase_of_the_sampling_is_a_motion_that_is_later_by_it():
     late = Timeline(delay(SHORT.guide_moves), delay(SHORT.tendon_moves), SHORT.duration_s)
     delayed = simulate_motion(scene, late, Variation.none()).truth['bend_rad'][0]
     prompt = simulate_motion(scene, SHORT, Variation.none()).truth['bend_rad'][0]
-    # The steps meet kinks at other times, so results differ by the error of a step.
+    # Sudden changes of the motion lie differently between the steps, so the results differ a bit.
     assert np.abs(lagging - delayed).max() < 2e-4
     assert np.abs(lagging - prompt).max() > 5e-3
 
@@ -105,7 +105,7 @@ def test_kept_modes_begin_with_the_bend():
 def test_failed_trials_are_not_numbers_from_there_on():
     scene = build_scene('texture', 'R2', 'flexion')
     surface = scene.surface
-    # One trial reaches a position where the surface is NaN.
+    # The second of two trials reaches positions where the height of the surface is NaN.
     table = surface.table.copy()
     table[: round((0.020 - surface.origin_m) / surface.spacing_m)] = np.nan
     spoilt = dataclasses.replace(scene, surface=dataclasses.replace(surface, table=table))
@@ -129,10 +129,11 @@ def test_failed_trials_are_not_numbers_from_there_on():
 
 @pytest.mark.parametrize('contact', ['flexion', 'abduction'])
 def test_softer_objects_give_less_tension_and_all_relax(contact):
-    limit = {'flexion': 15.0, 'abduction': 3.0}[contact]  # the paper's Fig. 1
+    # Largest tension [N] in the paper's Fig. 1.
+    limit = {'flexion': 15.0, 'abduction': 3.0}[contact]
     levels, slopes = [], []
     for label in ('pla', 'solid_rubber', 'rubber_shell', 'sponge', 'none'):
-        # All objects have the same friction, because friction has as much influence as stiffness.
+        # The friction of all objects is made equal, so that only the stiffness differs.
         scene = dataclasses.replace(build_scene('stiffness', label, contact), friction=0.4)
         motion = simulate_motion(scene, PRESS[contact], Variation.none())
         held = (motion.sample_times_s > 0.9) & (motion.sample_times_s < 1.9)
@@ -146,7 +147,7 @@ def test_softer_objects_give_less_tension_and_all_relax(contact):
 
 
 def test_the_papers_stiffness_trial():
-    """Fig. 7: tension on the rubber shell falls by 0.90 N/s from 12.62 N, r = -0.99."""
+    """In Fig. 7, the tension on the rubber shell falls from 12.62 N by 0.90 N/s (r = -0.99)."""
     scene = build_scene('stiffness', 'rubber_shell', 'flexion')
     timeline = Timeline([], [Move(0.2, 0.0049, 0.01)], 5.0)
     motion = simulate_motion(scene, timeline, Variation.none())
@@ -161,7 +162,7 @@ def test_the_papers_stiffness_trial():
 
 def test_the_free_finger_bends_as_in_the_papers_figure_1():
     scene = build_scene('stiffness', 'none', 'flexion')
-    # Each pull is a trial with another zero of the tendon.
+    # All pulls are simulated at once, as trials whose zero of the tendon differs.
     pulls_m = np.linspace(0.0, 0.016, 33)
     variation = dataclasses.replace(Variation.none(33), tendon_zero_m=-pulls_m)
     inputs = scene.compute_inputs(np.zeros(1), np.array([0.06]))[0]
@@ -237,7 +238,7 @@ def make_plant(protocol='texture', label='R2', tendon_m=0.0):
 
 
 def test_live_steps_are_those_of_a_run_by_euler():
-    """A live step must not use differences of the last step, because any call may be the first."""
+    """A single step of `Plant` is an implicit Euler step, which does not use the last change."""
     plant = make_plant()
     tension = [plant.tension_n]
     for guide_m, tendon_m in zip(GUIDE_M[1:], TENDON_M[1:], strict=True):
@@ -264,7 +265,7 @@ def test_exchange_brings_the_finger_to_rest_on_what_is_new(before, after):
     fresh = make_plant(*after, 0.0004)
     assert plant.tension_n == pytest.approx(fresh.tension_n, abs=1e-4)
     assert plant.bend_rad == pytest.approx(fresh.bend_rad, abs=1e-6)
-    # The finger is at rest; the only change is that the tendon begins to stick.
+    # The finger is already at rest, so further steps hardly change its bend.
     for _ in range(20):
         plant.step(0.060, 0.0004)
     assert plant.bend_rad == pytest.approx(fresh.bend_rad, abs=1e-5)

@@ -18,7 +18,7 @@ RIG = PACKAGED.rig()
 
 
 def with_variation(**levels):
-    """Return the packaged catalogue with these levels of variation, and no other variation."""
+    """Return the packaged catalogue with only the given spreads of trial, mounting or session."""
     fixed = VariationSpread(*[0.0] * 8)
     variation = VariationLevels(**{'trial': fixed, 'mounting': fixed, 'session': fixed, **levels})
     return PACKAGED.with_rig(dataclasses.replace(RIG, variation=variation))
@@ -86,7 +86,7 @@ def test_trials_of_a_mounting_share_it_however_they_are_cut():
     mountings = [set(part) for part in np.split(whole.placement_m, [4, 8])]
     assert [len(part) for part in mountings] == [1, 1, 1]
     assert len(set.union(*mountings)) == 3
-    assert len(set(whole.finger_stiffness)) == 1  # the finger does not vary
+    assert len(set(whole.finger_stiffness)) == 1  # mountings do not change the finger
     cut = [draw(n, first, per_mounting=4, catalogue=MOUNTINGS)[0] for first, n in ((0, 3), (3, 6))]
     assert np.array_equal(np.concatenate([rows(part) for part in cut], axis=1), rows(whole))
     once = draw(9, per_mounting=9, catalogue=MOUNTINGS)[0]
@@ -97,7 +97,7 @@ def test_trials_of_a_mounting_share_it_however_they_are_cut():
 
 def test_a_session_shares_its_set_up_whatever_lies_under_the_finger():
     def draw_shared(**names):
-        # all rows except the phase of the sampling
+        # The last row is the phase of the sampling, which differs between trials.
         values = rows(draw(2, catalogue=SESSIONS, **names)[0])[:-1]
         assert np.array_equal(values[:, 0], values[:, 1])
         return values[:, 0]
@@ -118,11 +118,11 @@ def test_spread_within_a_session_is_its_levels(level, per_mounting):
     assert 0.0 <= variation.phase.min() < variation.phase.max() < 1.0
     assert variation.phase.std() == pytest.approx(np.sqrt(1 / 12), rel=0.09)
     for name, size in dataclasses.asdict(levels[level]).items():
-        if name == 'temperature_k':  # the packaged temperature is constant within a session
+        if name == 'temperature_k':  # the temperature of a session is constant
             assert np.ptp(variation.sensor_bias_n) == 0.0
             continue
         values = getattr(variation, name)
-        # Deviations are relative to the deviation that all trials of the session share.
+        # The deviation that all trials of the session have in common is removed.
         deviations = values / values.mean() - 1 if name in FACTORS else values - values.mean()
         assert deviations.std() == pytest.approx(size, rel=0.09, abs=1e-15), name
 
@@ -142,7 +142,7 @@ def test_spread_of_sessions_is_the_sessions():
         middle = 1.0 if name in FACTORS else 0.0
         assert values.mean() == pytest.approx(middle, abs=4 * size / np.sqrt(1000)), name
         assert values.std() == pytest.approx(size, rel=0.09), name
-        if name != 'finger_stiffness':  # the stiffness is a product of two deviations
+        if name != 'finger_stiffness':  # it also deviates with the temperature
             assert np.abs(values - middle).max() <= 3 * size * (1 + 1e-12)
 
 
