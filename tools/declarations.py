@@ -1,18 +1,18 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check that declared and imported dependencies of each package agree.
+"""Check that each package declares exactly the dependencies that it imports.
 
-``package.xml`` contains ROS packages and rosdep keys, ``setup.py`` distributions on PyPI. Imports
-within functions are included. Names of message types in strings, such as ``std_msgs/msg/Header``,
-count as imports, because their classes are imported by name.
+Dependencies are declared in ``package.xml``, which contains ROS packages and rosdep keys, and in
+``setup.py``, which contains the names of distributions on PyPI. Imports within functions also
+count, and so do names of message types in strings, such as ``std_msgs/msg/Header``, because
+message classes are imported by name.
 
-Packages that run on a robot must not depend on packages that rosdep installs with pip, or cannot
-install.
+Packages that run on a robot must only depend on packages that rosdep installs with apt.
 
-``requirements/packages.txt`` lists all packages that pip installs. Its lower bounds must equal the
-lower bounds in each ``setup.py`` and ``package.xml``, and the versions in
-``requirements/noble.txt``.
+``requirements/packages.txt`` contains a lower bound for the version of each package that pip
+installs. The lower bounds in each ``setup.py`` and ``package.xml``, and the versions in
+``requirements/noble.txt``, must be the same.
 """
 
 from __future__ import annotations
@@ -30,12 +30,13 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True)
 class Library:
-    """How a library from PyPI is declared.
+    """The names with which a library from PyPI is declared as a dependency.
 
     Attributes
     ----------
     key : str
-        Key in ``package.xml``. Empty if rosdep has no key; the user then installs the library.
+        Key of rosdep, for ``package.xml``. It is empty if rosdep has no key for the library, so
+        that the user must install it.
     distribution : str
         Name in ``setup.py``.
     """
@@ -51,7 +52,7 @@ LIBRARIES = {
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
     'jinja2': Library('python3-jinja2', 'Jinja2'),
     'joblib': Library('python3-joblib', 'joblib'),
-    'lz4': Library('python3-rosbags-pip', 'lz4'),  # has no rosdep key; required by rosbags
+    'lz4': Library('python3-rosbags-pip', 'lz4'),  # installed as a dependency of rosbags
     'matplotlib': Library('python3-matplotlib', 'matplotlib'),
     'mcap': Library('', 'mcap'),
     'numba': Library('python3-numba', 'numba'),
@@ -64,12 +65,12 @@ LIBRARIES = {
     'scipy': Library('python3-scipy', 'scipy'),
     'serial': Library('python3-serial', 'pyserial'),
     'sklearn': Library('python3-sklearn', 'scikit-learn'),
-    'threadpoolctl': Library('python3-sklearn', 'threadpoolctl'),  # required by scikit-learn
+    'threadpoolctl': Library('python3-sklearn', 'threadpoolctl'),  # dependency of scikit-learn
     'typer': Library('python3-typer', 'typer'),
     'yaml': Library('python3-yaml', 'PyYAML'),
-    'zstandard': Library('python3-rosbags-pip', 'zstandard'),  # like lz4
+    'zstandard': Library('python3-rosbags-pip', 'zstandard'),  # as lz4
 }
-"""Libraries by import name. Other names are ROS packages."""
+"""Libraries from PyPI by import name. Modules with other names are ROS packages."""
 
 ROBOT = (
     'tactile_msgs',
@@ -90,17 +91,17 @@ OPTIONAL = {
 """Optional dependencies of each package, which are extras in ``setup.py``."""
 
 DEPENDENCIES = ('depend', 'build_depend', 'build_export_depend', 'exec_depend', 'test_depend')
-"""Elements of a ``package.xml`` whose keys rosdep installs."""
+"""Tags of the elements in ``package.xml`` that contain dependencies for rosdep."""
 
 REMEDY = 'packages that run on a robot may only depend on packages that apt can install'
 
 NOT_INSTALLED_BY_PIP = {'tactile_testing'}
-"""Packages used only by tests, not included in the wheel."""
+"""Packages that are only used by tests and are not part of the wheel."""
 
 NOT_IMPORTED = {
-    'tactile_bringup': {'ros2launch'},  # `ros2 launch`, which starts the launch files
+    'tactile_bringup': {'ros2launch'},  # provides the command `ros2 launch`
 }
-"""Dependencies of each package that it uses without importing them."""
+"""Dependencies that a package needs but does not import."""
 
 TYPE_NAME = re.compile(r'(\w+)/(?:msg|srv|action)/\w+')
 
@@ -112,9 +113,9 @@ def imports_of(files: Iterable[Path], own: set[str], *, on_import: bool = False)
     ----------
     files : iterable of Path
     own : set of str
-        Ignored names: the package itself, and helpers of its tests.
+        Names to ignore, which are the package itself and the helper modules of its tests.
     on_import : bool
-        Return only packages imported at module level, not within functions or for type checking.
+        If True, ignore imports within functions and imports for type checking.
     """
     found = set()
     for path in files:
@@ -129,7 +130,7 @@ def imports_of(files: Iterable[Path], own: set[str], *, on_import: bool = False)
 
 
 def _walk(tree: ast.AST, *, on_import: bool) -> Iterator[ast.AST]:
-    """Yield the nodes of a tree; with ``on_import``, only nodes executed at module import."""
+    """Yield the nodes of a syntax tree. With ``on_import``, omit code not run by an import."""
     if on_import:
         if isinstance(tree, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             return
@@ -141,13 +142,13 @@ def _walk(tree: ast.AST, *, on_import: bool) -> Iterator[ast.AST]:
 
 
 def keys_of(package_xml: Path, *tags: str) -> set[str]:
-    """Return the contents of these elements of a ``package.xml``."""
+    """Return the texts of all elements with these tags in a ``package.xml``."""
     root = ElementTree.parse(package_xml).getroot()
     return {(element.text or '').strip() for tag in tags for element in root.iter(tag)}
 
 
 def requirements_of(setup_py: Path) -> tuple[set[str], set[str]]:
-    """Return ``install_requires``, and ``extras_require`` except for tests."""
+    """Return ``install_requires``, and all ``extras_require`` apart from the extra ``test``."""
     for node in ast.walk(ast.parse(setup_py.read_text('utf-8'))):
         if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'setup':
             stated = {k.arg: k.value for k in node.keywords}
@@ -159,26 +160,26 @@ def requirements_of(setup_py: Path) -> tuple[set[str], set[str]]:
 
 
 def name_of(requirement: str) -> str:
-    """Return the name of the distribution in a requirement, without bound and comment."""
+    """Return the name in a requirement, without version and comment."""
     return re.split('[#<>=; ]', requirement)[0].strip()
 
 
 def read_requirements(name: str) -> dict[str, str]:
-    """Return the lines of a file in ``requirements/`` by distribution, without comments."""
+    """Return the lines of a file in ``requirements/`` by the name of the distribution."""
     lines = (ROOT / 'requirements' / name).read_text('utf-8').splitlines()
     found = [line.partition('#')[0].strip() for line in lines]
     return {name_of(line): line for line in reversed(found) if line}
 
 
 def check_bounds(folders: Iterable[Path]) -> list[str]:
-    """Return a sentence for each lower bound that differs between files."""
+    """Return an error message for each lower bound that differs between files."""
     wanted = read_requirements('packages.txt')
     bounds = {name: line.partition('>=')[2] for name, line in wanted.items()}
-    # If two libraries share a key, the bound of the library that is listed first is used.
+    # Several libraries can have the same rosdep key. The bound of the first one is then used.
     of_keys: dict[str, str] = {}
     for library in LIBRARIES.values():
         of_keys.setdefault(library.key, bounds.get(library.distribution, ''))
-    of_keys['python3-rosbags-pip'] = bounds['rosbags']  # listed after lz4, which it requires
+    of_keys['python3-rosbags-pip'] = bounds['rosbags']  # here, lz4 is the first one
     faults = []
     for folder in folders:
         faults += [
@@ -201,19 +202,19 @@ def check_bounds(folders: Iterable[Path]) -> list[str]:
 
 
 def check_package(folder: Path) -> list[str]:
-    """Return a sentence for each undeclared import, and for each unused declaration."""
+    """Return an error message for each undeclared import and each unused declaration."""
     name = folder.name
     optional = OPTIONAL.get(name, set())
     files = list((folder / 'test').rglob('*.py'))
     code = imports_of([*(folder / name).rglob('*.py'), *folder.glob('launch/*.py')], {name})
-    plugin = {'tactile_testing'} - {name}  # loaded by setup.cfg for the tests of each package
+    plugin = {'tactile_testing'} - {name}  # named in each setup.cfg
     tests = imports_of(files, {name} | {path.stem for path in files}) | plugin
     keys = _keys(code - optional)
     stated = keys_of(folder / 'package.xml', 'depend', 'exec_depend')
     for_tests = keys_of(folder / 'package.xml', 'test_depend')
     required, extras = (set(map(name_of, r)) for r in requirements_of(folder / 'setup.py'))
     lists = {
-        # For each element: required, declared, and allowed additional names.
+        # Each tuple contains the required, the declared, and the additionally allowed names.
         'exec_depend of package.xml': (keys, stated, NOT_IMPORTED.get(name, set())),
         'test_depend of package.xml': (
             _keys(tests - optional) - keys,
@@ -234,16 +235,16 @@ def check_package(folder: Path) -> list[str]:
         f'{module} is not imported: remove it from OPTIONAL in tools/declarations.py'
         for module in sorted(optional - code)
     ]
-    # `colcon test` and `pytest src/PACKAGE/test` need it for the fixtures.
+    # Without this option, `colcon test` and `pytest src/PACKAGE/test` would lack fixtures.
     if files and '-p tactile_testing.plugin' not in (folder / 'setup.cfg').read_text('utf-8'):
         faults.append('[tool:pytest] of setup.cfg lacks -p tactile_testing.plugin in addopts')
     return [f'src/{name}: {fault}' for fault in faults]
 
 
 def check_robot() -> list[str]:
-    """Return a sentence for each dependency of the robot packages that apt cannot install.
+    """Return an error message for each dependency of a robot package that apt cannot install.
 
-    The packages of this repository that they depend on, also in tests, are checked as well.
+    Packages of this repository on which the robot packages or their tests depend are also checked.
     """
     only_pip = {
         module
@@ -280,7 +281,7 @@ def check_robot() -> list[str]:
 
 
 def check_wheel(folders: Iterable[Path]) -> list[str]:
-    """Return a sentence for each difference between the packages and the files for pip."""
+    """Return an error message for each contradiction between packages and files for pip."""
     listed = set(read_requirements('packages.txt'))
     required = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
     needed = {name_of(line) for line in required} - {'setuptools'}

@@ -35,7 +35,7 @@ class Outcome:
 
 @dataclass
 class Tested:
-    """A run of pytest: its JUnit file, its exit code, and its output if that was kept."""
+    """Result of a run of pytest: JUnit file, exit code, and output (empty if it was printed)."""
 
     results: Path
     code: int
@@ -79,7 +79,7 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
 
 
 def site_command(workspace: Workspace) -> list[str]:
-    """Return the command that builds the documentation; warnings are errors."""
+    """Return the command that builds the documentation, in which warnings count as errors."""
     options = ['-q', '-W', '--keep-going', '-E', '-c', 'docs', '-b', 'html']
     return ['python', '-m', 'sphinx', *options, '.', str(workspace.site)]
 
@@ -96,7 +96,7 @@ def build_site(workspace: Workspace) -> int:
 def check_rules(workspace: Workspace, low: list[str]) -> list[Outcome]:
     """Run linters and type checks, and return a result for each.
 
-    ``low`` is the start of a command that lowers its priority.
+    ``low`` is put before the commands, such as ``nice -n 10``, to lower their priority.
     """
     cores = [
         str(p.parent / p.parent.name)
@@ -147,11 +147,11 @@ def run_all(
     workers: int,
     with_rules: bool,
 ) -> list[Outcome]:
-    """Run the tests in some folders, and the rules; return a result per rule and per package.
+    """Run tests and static checks; return one result per package and per static check.
 
-    Tests of devices and nodes wait in real time, for about half of their time. Rules and computing
-    tests run beside them with a low priority, in the processor time that is left: a trial fails
-    if its simulated rig gets too little.
+    Tests of devices and nodes run in real time, and wait for about half of this time. Meanwhile,
+    the static checks and the computing tests run with a low priority. Otherwise, they would slow
+    down the simulated rigs of the other tests, which could then fail.
     """
     computing = [folder for folder in folders if folder.name in COMPUTING]
     waiting = [folder for folder in folders if folder.name not in COMPUTING]
@@ -160,7 +160,7 @@ def run_all(
 
     def run_beside() -> tuple[list[Outcome], Tested | None]:
         rules = check_rules(workspace, low) if with_rules else []
-        # Its dots would mix with those of the tests that wait.
+        # The output is printed at the end, because it would mix with that of the other tests.
         tested = run_pytest(workspace, 'computing', computing, cores, expression, low)
         return rules, tested
 
@@ -172,7 +172,7 @@ def run_all(
     if second and low:
         print(second.output, flush=True)
     outcomes = read_results([each.results for each in tested if each.results.exists()])
-    # Exit code 5: the expression selects no test.
+    # Pytest returns exit code 5 if the expression selects no test.
     if any(each.code not in (0, 5) for each in tested) and not any(o.failed for o in outcomes):
         outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))
     return rules + outcomes
@@ -188,7 +188,8 @@ def run_pytest(
 ) -> Tested | None:
     """Run the tests in some folders in several processes; return None if there are no folders.
 
-    With ``low``, the start of a command that lowers its priority, the output is kept.
+    ``low`` is put before the command, such as ``nice -n 10``. If it is given, the output is
+    returned and not printed.
     """
     if not folders:
         return None
@@ -197,7 +198,7 @@ def run_pytest(
     results.unlink(missing_ok=True)
     command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
     command += ['--disable-warnings', '--tb=long', '--no-summary']
-    # The tests of a file run in one process, so that they share recordings, models and rigs.
+    # All tests of a file run in the same process, so that they can share slow fixtures.
     command += [f'--junit-xml={results}', '-n', str(workers)]
     command += ['--dist=loadfile', '--no-loadscope-reorder']
     command += ['-k', expression] if expression else []
@@ -214,14 +215,15 @@ def run_pytest(
 
 
 def order_files(folders: list[Path], results: Path) -> list[Path]:
-    """Return the test files in some folders; the slowest ones of the last run come first.
+    """Return the test files in some folders, sorted by their duration in the last run.
 
-    Otherwise one process could still run a long file while the others have nothing left to do.
+    The slowest files are first. Otherwise, a slow file could be the last one, and only one of the
+    processes would still be busy.
     """
     seconds: Counter[str] = Counter()
     if results.exists():
         for case in ElementTree.parse(results).iter('testcase'):
-            # A module, which the name of a class may follow.
+            # ``classname`` is the name of the module, and then the class if there is one.
             module = re.match(r'.*?\.test_\w+', case.get('classname') or '')
             if module:
                 seconds[module[0]] += float(case.get('time', 0))
@@ -234,7 +236,7 @@ def order_files(folders: list[Path], results: Path) -> list[Path]:
 
 
 def read_results(paths: list[Path]) -> list[Outcome]:
-    """Summarise JUnit files by package."""
+    """Return the results in some JUnit files, summed by package."""
     outcomes: dict[str, Outcome] = {}
     skips: Counter[tuple[str, str]] = Counter()
     cases = [case for path in paths for case in ElementTree.parse(path).iter('testcase')]
@@ -253,7 +255,7 @@ def read_results(paths: list[Path]) -> list[Outcome]:
         elif skip is not None:
             outcome.skipped += 1
             reason = (skip.get('message') or '').strip()
-            # In this case, the text is a tuple that contains the reason.
+            # If a whole file was skipped, only the text of the element contains the reason.
             if reason == 'collection skipped':
                 reason = (skip.text or '').rpartition('Skipped: ')[2].rstrip('\'")')
             skips[f'skipped {place}', reason.rpartition('\n')[2]] += 1

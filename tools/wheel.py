@@ -4,8 +4,8 @@
 """Check that `pip install .` works without ROS in an empty environment.
 
 ``python tools/wheel.py`` builds the wheel with the current Python, installs it with pip into a new
-virtual environment, and tries the commands and the examples. Then it runs the tests of the plain
-Python cores (tools/test_cores.sh) with the newest version of each library.
+virtual environment, and tries the commands and the examples. Then it runs the tests that do not
+need ROS (tools/test_cores.sh) with the newest version of each library.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def main() -> int:
         pip = [python, '-m', 'pip', '--quiet', '--disable-pip-version-check']
         run([*pip, 'wheel', '--no-deps', '--wheel-dir', folder, ROOT], folder)
         (wheel,) = folder.glob('tendon_tactile-*.whl')
-        # Hypothesis is pinned, because other versions generate other examples.
+        # The version is fixed, because other versions of Hypothesis generate other examples.
         run([*pip, 'install', f'{wheel}[cluster]', 'hypothesis==6.151.5', 'pytest'], folder)
         print(f'installed after {time.monotonic() - started:.0f} s', flush=True)
         print(run([*pip, 'list'], folder), flush=True)
@@ -61,7 +61,7 @@ def main() -> int:
 
 
 def use(python: Path, folder: Path) -> None:
-    """Run commands, library and examples; raise SystemExit if a result is wrong."""
+    """Use the installed commands, modules and examples; raise SystemExit if a result is wrong."""
     tactile = python.with_name('tactile')
     bag, model = folder / 'bags' / 'texture_flexion', folder / 'models' / 'texture_flexion.npz'
     run([tactile, '--version'], folder)
@@ -87,7 +87,8 @@ def use(python: Path, folder: Path) -> None:
 def run(command: list[str | Path], folder: Path, *, code: int = 0, says: str = '') -> str:
     """Run a program outside of this clone and without ROS 2; return its output.
 
-    Raises SystemExit if the exit code is not ``code``, or the output does not contain ``says``.
+    Raises SystemExit if the exit code is not ``code``, or if standard error does not contain the
+    text ``says``.
     """
     foreign = ('AMENT_', 'COLCON_', 'PYTHON', 'ROS_', 'VIRTUAL_ENV')
     environment = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Creation and use of the workspace: virtual environment and build.
+"""Creation and use of the workspace, which consists of a virtual environment and a build.
 
 Only the standard library is used, because this module runs before anything is installed.
 Everything is written to ``.tactile/<distro>/`` in the clone, except for the download cache of the
@@ -25,25 +25,25 @@ import time
 ROOT = Path(__file__).resolve().parent.parent
 
 DISTROS = ('jazzy', 'kilted')
-"""Distributions with wheels on PyPI, each with a requirements file."""
+"""ROS 2 distributions with wheels on PyPI. Each has a file in ``requirements/``."""
 
 NOBLE = 'noble'
 """Name of the workspace with ROS 2 Jazzy and the Python libraries of Ubuntu 24.04."""
 
 LOOPBACK = ROOT / 'src' / 'tactile_ros' / 'tactile_ros' / 'loopback.xml'
 COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
-"""Requirements files that the files of the distributions include."""
+"""File that is included by the requirements files of all distributions."""
 
 PYTHON_MESSAGES = ROOT / 'tools' / 'python_messages.cmake'
-"""CMake arguments that limit ``tactile_msgs`` to the generators that Python needs."""
+"""CMake code that builds ``tactile_msgs`` only for Python."""
 
 
 class SetupError(Exception):
-    """The set-up failed; the message contains reason and remedy."""
+    """The workspace cannot be set up. The message contains the reason and a remedy."""
 
 
 class Workspace:
-    """The folder ``.tactile/<name>``, its set-up and its use.
+    """Sets up the folder ``.tactile/<name>``, and runs programs in its environment.
 
     Parameters
     ----------
@@ -92,9 +92,9 @@ class Workspace:
         return hashlib.sha256(wanted + place.encode()).hexdigest()
 
     def build_key(self) -> str:
-        """A digest that changes if a build is necessary.
+        """Return a digest that changes if a new build is necessary.
 
-        Python modules are linked, not copied, so edits need no build.
+        Edited Python modules need no build, because the build only contains links to them.
         """
         digest = hashlib.sha256(self.venv_key().encode() + PYTHON_MESSAGES.read_bytes())
         for folder, folders, files in os.walk(ROOT / 'src'):
@@ -111,13 +111,13 @@ class Workspace:
     # -- set-up ----------------------------------------------------------------
 
     def needs(self) -> tuple[bool, bool]:
-        """Return whether virtual environment and build must be created again."""
+        """Return whether a new virtual environment and a new build are needed, as two values."""
         state = self.state()
         venv = state.get('venv') != self.venv_key() or not self.python.exists()
         return venv, venv or state.get('build') != self.build_key()
 
     def ensure(self) -> None:
-        """Set up the missing parts."""
+        """Create the virtual environment and the build if they are missing or out of date."""
         if not self.needs()[1]:
             return
         try:
@@ -188,11 +188,11 @@ class Workspace:
         self.remember(venv=self.venv_key())
 
     def relocate_wheels(self) -> None:
-        """Adapt the CMake files of the wheels to this interpreter.
+        """Adapt the CMake files in the ROS wheels to this interpreter.
 
-        They contain two folders of the machine where they were built, and CMake refuses folders
-        that do not exist. Files are replaced, not edited in place, because the installer may have
-        linked them to its cache.
+        These files name the include folders of Python and NumPy on the machine where the wheels
+        were built, and CMake fails if a folder does not exist. The files are replaced and not
+        edited in place, because they can be hard links to the cache of the installer.
         """
         query = (
             'import numpy, sysconfig; '
@@ -219,10 +219,10 @@ class Workspace:
                 temporary.replace(path)
 
     def build(self) -> None:
-        key = self.build_key()  # before the build, because files may be edited during the build
+        key = self.build_key()  # computed first, in case a file is edited during the build
         recipe = hashlib.sha256(PYTHON_MESSAGES.read_bytes()).hexdigest()
         if self.state().get('recipe') != recipe:
-            # Build directories keep libraries of generators that are no longer used.
+            # A new build would keep libraries that the changed CMake code no longer builds.
             for old in (self.install, self.build_base):
                 shutil.rmtree(old, ignore_errors=True)
         self.step(
@@ -238,7 +238,7 @@ class Workspace:
             ],
             'the build failed; the end of its output is above',
         )
-        # colcon keeps links to deleted files, such as a removed message.
+        # colcon does not remove links to files that have been deleted.
         for path in self.install.rglob('*'):
             if path.is_symlink() and not path.exists():
                 path.unlink()
@@ -256,7 +256,7 @@ class Workspace:
         )
 
     def step(self, title: str, command: list[str], remedy: str) -> None:
-        """Run one set-up command, write its output to the log, and print one line."""
+        """Run one command of the set-up, and write its output to the log."""
         started = time.monotonic()
         print(f'  {title} ...', end='', flush=True, file=sys.stderr)
         with self.log.open('a') as log:
@@ -267,8 +267,7 @@ class Workspace:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
-                # Without -j, colcon limits ninja by the load average, which the compilers
-                # themselves raise: on two cores it then uses only 1.3.
+                # Without -j, colcon starts fewer compilers than there are cores.
                 env={'MAKEFLAGS': f'-j{os.cpu_count()}', **self.environment()},
                 cwd=ROOT,
             )
@@ -280,14 +279,14 @@ class Workspace:
     # -- use -------------------------------------------------------------------
 
     def environment(self) -> dict[str, str]:
-        """Process environment of the workspace, without other ROS installations."""
+        """Return the environment variables of the workspace, without other ROS installations."""
         foreign = ('AMENT_', 'COLCON_', 'CMAKE_PREFIX_PATH', 'PYTHONPATH', 'PYTHONHOME')
         env = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}
         env.update(
             VIRTUAL_ENV=str(self.venv),
             PATH=os.pathsep.join(
                 [
-                    str(self.install / 'bin'),  # the command tactile
+                    str(self.install / 'bin'),  # contains the command `tactile`
                     str(self.venv / 'bin'),
                     os.environ.get('PATH', os.defpath),
                 ]
@@ -300,30 +299,30 @@ class Workspace:
             ROS_VERSION='2',
             RMW_IMPLEMENTATION='rmw_fastrtps_cpp',
         )
-        # Discover only on this computer, with transports that do not stall when a node joins.
+        # Nodes communicate only on this computer, unless the user has set a discovery range.
         if 'ROS_AUTOMATIC_DISCOVERY_RANGE' not in env:
             fast = 'FASTRTPS' if self.distro == 'jazzy' else 'FASTDDS'
             env.setdefault(f'{fast}_DEFAULT_PROFILES_FILE', str(LOOPBACK))
-        # Several threads would only slow down computations with small matrices.
+        # With several threads, computations with small matrices would be slower.
         env.setdefault('OPENBLAS_NUM_THREADS', '1')
-        # Keep logs out of the home folder.
+        # Logs and caches must not be written to the home folder.
         env.setdefault('ROS_LOG_DIR', str(self.base / 'ros_log'))
         env.setdefault('MPLCONFIGDIR', str(self.base / 'matplotlib'))
-        # uv does not compile modules; without this folder each process would compile them again.
+        # Modules that uv has installed are not compiled yet. Their byte code is stored here.
         env.pop('PYTHONDONTWRITEBYTECODE', None)
         env.setdefault('PYTHONPYCACHEPREFIX', str(self.base / 'byte_code'))
         overlay: dict[str, str] = json.loads(self.state().get('overlay', '{}'))
         return {**env, **overlay}
 
     def library_folders(self) -> list[Path]:
-        """Folders of the shared libraries in the ROS wheels, including bundled libraries."""
+        """Return the folders with the shared libraries of the ROS wheels."""
         return [
             self.venv / 'lib',
             *sorted(self.venv.glob('lib/python3*/site-packages/ros_*.libs')),
         ]
 
     def execute(self, command: list[str]) -> None:
-        """Replace this process by another program in the environment of the workspace."""
+        """Replace this process by another program, with the environment of the workspace."""
         environment = self.environment()
         if shutil.which(command[0], path=environment['PATH']) is None:
             raise SetupError(f'there is no program {command[0]} in the workspace or on the path.')
@@ -344,5 +343,5 @@ def check_compiler() -> None:
 
 
 def say(text: str) -> None:
-    # Standard output is reserved for the following command, for example with --json.
+    # Standard output must only contain the output of the command that runs afterwards.
     print(text, flush=True, file=sys.stderr)

@@ -14,20 +14,20 @@ import signal
 from hypothesis import settings
 import pytest
 
-# A Hypothesis example may take long on a busy computer, which is not a failure.
+# No test fails because an example of Hypothesis takes long, as on a busy computer.
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
 
-# In the background of a script, this process ignores SIGINT; with nohup, it ignores SIGHUP. The
-# programs under test would inherit this, so the default handlers are restored here.
+# If pytest runs in the background of a shell script, it ignores SIGINT, and with nohup it ignores
+# SIGHUP. The programs under test would inherit this, so the default handlers are restored.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-# pytest-xdist already runs one process per core. With more threads or processes of joblib inside
-# each, the tests would only take longer. Tests of parallel computation state a number of jobs.
+# pytest-xdist already runs one process per core, so joblib must not start further processes by
+# default. Tests of parallel computation set the number of jobs explicitly.
 os.environ.setdefault('LOKY_MAX_CPU_COUNT', '1')
 
 
@@ -38,9 +38,9 @@ def pytest_configure(config):
 
 
 def pytest_collection_finish():
-    """Keep garbage collections short, so that nodes under test do not pause.
+    """Exclude the imported modules from garbage collections, as in `tactile_ros.process`.
 
-    Imported modules are excluded from collections, as in `tactile_ros.process`.
+    This makes the collections short, so that they hardly delay the nodes under test.
     """
     gc.collect()
     gc.freeze()
@@ -51,7 +51,7 @@ def domain_of_programs():
     """Run the programs under test on a ROS domain that only this process uses."""
     try:
         from domain_coordinator import domain_id
-    except ImportError:  # without ROS
+    except ImportError:  # ROS is not installed
         yield
         return
     with domain_id() as domain:

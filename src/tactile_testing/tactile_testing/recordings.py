@@ -1,15 +1,15 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks that every source of trials must pass."""
+"""Checks that every kind of recording of trials must pass."""
 
 import numpy as np
 
 
 def check_source(load):
-    """Check the rules that every source of trials must keep.
+    """Check that a source of trials, such as a reader of recordings, follows these rules.
 
-    ``load`` must open the same recording each time. The rules are:
+    ``load`` is a function that opens the same recording each time. The rules are:
 
     - Loading twice gives the same trials.
     - Each trial that is not excluded has a label, and a finite signal with increasing times.
@@ -37,7 +37,7 @@ def check_source(load):
 
 
 class Archive:
-    """The arrays of an archive (``.npz``); ``columns`` are those with any other name."""
+    """The arrays of an archive (``.npz``). Arrays without an own attribute are in ``columns``."""
 
     def __init__(self, path):
         with np.load(path) as content:

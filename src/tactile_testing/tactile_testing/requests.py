@@ -1,18 +1,20 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requests of a test to a node."""
+"""Sends requests to nodes under test, such as service calls and action goals."""
 
 import concurrent.futures
 
 
 def send(node, request):
-    """Send a request of ``node`` on the executor's thread; return a future of the answer.
+    """Send a request on the thread of the node's executor; return a future of the answer.
 
-    ``request()`` sends it and returns rclpy's future, for example
-    ``lambda: client.send_goal_async(goal)``. An executor on another thread must spin the node. An
-    action client of rclpy registers a request only after sending it. If another thread sent the
-    request, the executor could receive the answer before that, and drop it.
+    ``request`` is a function that sends the request and returns a future of rclpy, for example
+    ``lambda: client.send_goal_async(goal)``. The node must be spun by an executor on another
+    thread.
+
+    The request is not sent on the calling thread, because an action client of rclpy registers a
+    request after it has sent it. The executor could receive the answer before, and would drop it.
     """
     answer = concurrent.futures.Future()
 

@@ -8,29 +8,29 @@ import serial
 from tactile_testing.waiting import DEADLINE_S, wait_until
 
 PATIENT = {'heartbeat_timeout_s': 10.0, 'strain_timeout_s': 1.5}
-"""Parameters of a trial runner for tests on a busy computer: messages may arrive late."""
+"""Parameters of a trial runner that tolerate late messages, as on a busy computer."""
 
 GUARD = {'guard_timeout_s': 2.0}
-"""Parameters of the tendon actuator for tests on a busy computer: samples may arrive late."""
+"""Parameters of the tendon actuator that tolerate late samples, as on a busy computer."""
 
 
 def let_servos_pause(monkeypatch):
-    """Let the driver accept that a simulated servo does not respond for about 1 s.
+    """Let the driver tolerate that a simulated servo does not respond for about 1 s.
 
-    On a busy computer, the process of the simulated servo may be suspended. In tests of trials,
-    this must not count as a fault. Other tests check after which time a servo counts as silent.
+    On a busy computer, the process of the simulated servo can be suspended for some time, which
+    must not fail tests with other purposes.
     """
     monkeypatch.setattr('linear_guide_driver.dynamixel.servo_monitor.FAILED_POLLS', 25)
     monkeypatch.setattr('linear_guide_driver.dynamixel.bus.ATTEMPTS', 20)
 
 
 def home_fast(rig):
-    """Set the homing speed of the guide to its highest speed."""
+    """Make the guide home at its highest speed, so that tests take less time."""
     home_at(rig, slow_mm_min=1000, fast_mm_min=6000)
 
 
 def home_at(rig, slow_mm_min, fast_mm_min):
-    """Set the homing speeds of the guide: settings $24 and $25 of Grbl, which a restart keeps."""
+    """Set the homing speeds of the guide, which are the settings $24 and $25 of Grbl."""
     with serial.Serial(rig.ports.guide, 115200, timeout=DEADLINE_S) as port:
         port.write(f'$24={slow_mm_min}\n$25={fast_mm_min}\n'.encode())
         said = port.read_until(b'ok\r\nok\r\n')
@@ -45,14 +45,14 @@ def advance_rig(rig, seconds):
         truth = rig.truth()
         return truth if truth['time_s'] >= until_s else None
 
-    # Each look costs the rig some of its time.
+    # The time is not read more often, because every request delays the rig.
     return wait_until(truth_then, 'the simulated time does not advance', poll_s=0.01)
 
 
 def truth_at_rest(rig):
     """Wait until guide and tendon move by less than 1 µm in 0.1 s; return the state of the rig.
 
-    Exactly equal positions would never be reached: without torque, a tendon slackens more and more
+    The positions are not compared exactly, because a tendon without torque slackens ever more
     slowly.
     """
     keys = ('time_s', 'guide_position_m', 'tendon_displacement_m')

@@ -7,14 +7,18 @@ import os
 import time
 
 DEADLINE_S = 20.0
-"""Time-out [s]. It is much longer than any condition needs, but shorter than the 30 s after which
-the tendon actuator slackens an unused tendon."""
+"""Default time-out [s].
+
+It is long enough for any condition, but shorter than the 30 s after which the tendon actuator
+slackens an unused tendon.
+"""
 
 
 def read_stderr():
     """Return the text on standard error that pytest's ``capfd`` has captured, without removing it.
 
-    ``capfd.readouterr`` empties the file, and loses text that another thread writes meanwhile.
+    ``capfd.readouterr`` would empty the captured file, and could lose text that another thread
+    writes at that moment.
     """
     return os.pread(2, 2**20, 0).decode(errors='replace')
 
@@ -26,12 +30,12 @@ def wait_until(
     step=None,
     poll_s=0.002,
 ):
-    """Return the first true value of a condition; fail after a time-out.
+    """Call a condition until its result is true, and return this result; fail after a time-out.
 
-    ``condition`` is called repeatedly. ``what`` is the error message after the time-out, or a
-    function that returns it. Set ``timeout_s`` only if the test is about time, or if programs have
-    to start. ``step`` is called between two checks, for example to spin an executor once. If it is
-    None, the pause between two checks is ``poll_s``.
+    ``what`` is the error message after the time-out, or a function that returns it. Set
+    ``timeout_s`` only if the test is about time, or if programs have to start. ``step`` is called
+    between two calls of ``condition``, for example to spin an executor once. If ``step`` is None,
+    the function sleeps for ``poll_s`` instead.
     """
     deadline_s = time.monotonic() + timeout_s
     while not (found := condition()):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sensor on a real pseudo-terminal, and helpers to wait for conditions."""
+"""Fixtures with a simulated load cell on a pseudo-terminal."""
 
 import os
 from pathlib import Path
@@ -13,15 +13,15 @@ import pytest
 
 from tendon_sensor_driver import encode_reading
 
-# The simulated Net F/T is in the folder of the tests and not part of the package.
+# The simulated Net F/T is a module in the folder ``peers`` of the tests.
 sys.path.insert(0, str(Path(__file__).parent / 'peers'))
 
 
 class PtySensor:
-    """A pseudo-terminal that replaces a load-cell board: the test writes, and the client reads.
+    """A pseudo-terminal that replaces the serial port of a load-cell board.
 
-    ``port`` is a symlink, so that the sensor can be plugged in again under the same name as
-    another pseudo-terminal.
+    The test writes the lines of the board, which the client reads. ``port`` is a symbolic link,
+    so that its name stays the same when the sensor is unplugged and plugged in.
     """
 
     def __init__(self, port):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every sensor passes `check_sensor`, and sensors that break the contract do not."""
+"""All clients of the package pass `check_sensor`, and wrong clients fail it."""
 
 from contextlib import contextmanager
 import dataclasses
@@ -78,7 +78,7 @@ def test_a_net_ft_keeps_the_contract(rate_hz):
 
 
 class Counter(SensorClient):
-    """A sensor whose values count up; each test breaks one rule of the contract."""
+    """A simple client that passes `check_sensor`; each subclass breaks one of its rules."""
 
     stamps = 1
     numbers = 1

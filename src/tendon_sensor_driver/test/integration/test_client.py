@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The client over real pseudo-terminals: silence, garbage, unplugging, slow consumers, clocks."""
+"""`TendonSensorClient` with pseudo-terminals: silence, garbage, unplugging, slow consumers."""
 
 from itertools import pairwise
 import os
@@ -57,12 +57,12 @@ def test_readings_come_out_as_blocks(sensor, make_client, blocks):
         [i / 100 * 9.80665] for i in range(10)
     ]
     assert {block.status for block in blocks} == {StrainStatus.OK}
-    # Samples of 150 ms of device time are written together. The newest one was measured now.
+    # The samples of 150 ms are written at once, so the oldest one gets a stamp 150 ms ago.
     assert before_ns - 150_000_000 <= blocks[0].stamp_ns < time.time_ns()
     health = client.health()
     assert health.is_connected
     assert (health.lines, health.readings, health.rejected_lines) == (10, 10, 0)
-    # bursts of three lines or more; a read may end between any two lines
+    # The ten lines are received by one or more reads. Reads of at least three lines are counted.
     assert 1 <= health.bursts <= 3
     for ticks in (1150, 1133, 1167):
         sensor.write_reading(ticks, 0.9)
@@ -114,7 +114,7 @@ def test_close_lets_go_of_the_port_and_hands_out_what_arrived(sensor, make_clien
     assert blocks == []
     client.close()
     client.close()
-    # the thread of the client did not wait for the end of the silence
+    # There is no error, because `close` did not have to wait for the end of the silence.
     assert client.health().last_error is None
     assert [len(block.tension_n) for block in blocks] == [2]
     assert not client.health().is_connected
@@ -142,7 +142,7 @@ def test_garbage_is_counted_and_told_but_never_a_sample(sensor, make_client, blo
 def test_ports_that_vanish_while_they_are_listed_keep_no_sensor_away(
     sensor, make_client, blocks, monkeypatch
 ):
-    """Pyserial raises a TypeError if a port is unplugged while the ports are listed."""
+    """If a port is unplugged while pyserial lists all ports, pyserial raises a TypeError."""
     real, vanishing = module.list_ports.comports, []
 
     def comports():
@@ -176,7 +176,7 @@ def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, b
     wait_until(lambda: not client.health().is_connected)
     lost = client.health().last_error
     assert sensor.port in lost
-    wait_until(lambda: client.health().last_error != lost)  # the port cannot be opened either
+    wait_until(lambda: client.health().last_error != lost)  # the attempt to reconnect fails
 
     sensor.plug_in()
     wait_until(lambda: client.health().reconnects == 1)
@@ -198,12 +198,15 @@ def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, monk
     wait_until(lambda: not client.health().is_connected)
     client.close()
     said = client.health().last_error or ''
-    assert 'does not return' not in said  # this is logged if the thread does not end
+    assert 'does not return' not in said  # the message if the thread has not ended
 
 
 @pytest.fixture
 def slow_client(make_client, blocks, monkeypatch):
-    """Return a function that makes a client, and the event for which its consumer waits."""
+    """Return a function that makes a client whose ``on_block`` waits for an event.
+
+    The function returns the client and the event.
+    """
 
     def make(longest_delivery_ns):
         name = 'tendon_sensor_driver.line_sensor.LONGEST_DELIVERY_NS'
@@ -217,7 +220,7 @@ def slow_client(make_client, blocks, monkeypatch):
 def test_what_comes_while_a_consumer_takes_too_long_is_dropped_and_told(
     sensor, slow_client, blocks
 ):
-    """The kernel may have dropped some of the bytes, so pieces of two lines may be joined."""
+    """The waiting bytes are dropped, because some bytes between them could be missing."""
     client, gate = slow_client(0)
     sensor.write(b'\n' + encode_reading(0, 0.5))
     wait_until(lambda: blocks)
@@ -255,7 +258,7 @@ def test_the_consumer_may_close_the_client(sensor, make_client):
 
 
 def wait_for_silences(client, count=5):
-    """Wait until a client has noticed this number of silences of its sensor."""
+    """Wait until the client has noticed ``count`` times that its sensor is silent."""
     silences, leave_menu = [], client._leave_menu
     client._leave_menu = lambda link: silences.append(leave_menu(link))
     wait_until(lambda: len(silences) >= count)
@@ -269,7 +272,7 @@ def test_a_board_that_has_spoken_or_is_to_be_left_alone_hears_nothing(
     if leave_menu:
         sensor.write(b'\n' + encode_reading(0, 0.5))
         wait_until(lambda: blocks)
-        sensor.read()  # before its first line, the board may have been queried
+        sensor.read()  # drop what the client has sent before the first line
     wait_for_silences(client)
     assert sensor.read() == b''
 
@@ -279,19 +282,19 @@ def test_a_board_that_has_spoken_or_is_to_be_left_alone_hears_nothing(
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Clocks of the host that a test controls: monotonic time, and offset of the host's clock."""
+    """Return replacements of the monotonic clock and the host's clock that the test controls."""
     clock = SimpleNamespace(passed_ns=0, ahead_ns=10**9 * SECOND_NS)
     clock.monotonic_ns = lambda: clock.passed_ns
     clock.now_ns = lambda: clock.passed_ns + clock.ahead_ns
     monkeypatch.setattr('tendon_sensor_driver.clock.time', clock)
-    # The limit is raised, so that a busy computer does not count as a slow consumer.
+    # Without this higher limit, a delay on a busy computer would count as a slow consumer.
     monkeypatch.setattr('tendon_sensor_driver.line_sensor.LONGEST_DELIVERY_NS', 10**18)
     return clock
 
 
 @pytest.fixture
 def send(sensor, blocks, clock):
-    """Send a reading with device time every 10 ms, until a number of samples has arrived."""
+    """Return a function that sends ``count`` readings and waits until each has arrived."""
 
     def send(count):
         for _ in range(count):
@@ -318,7 +321,7 @@ def test_a_step_of_the_clock_is_no_restart_and_no_silence(
     assert after[0].status == StrainStatus.CLOCK_STEP
     health = client.health()
     assert (health.restarts, health.outliers, health.late_samples) == (0, 0, 0)
-    # Stamps follow the host's clock immediately after it was set.
+    # The stamps follow the host's clock from the first sample after it was set.
     for block in (after[0], after[-1]):
         assert -0.2 < (clock.now_ns() - block.stamp_ns) / 1e9 < 1.0
     apart_s = (after[0].stamp_ns - before[-1].stamp_ns) / 1e9

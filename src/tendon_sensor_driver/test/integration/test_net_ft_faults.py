@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The Net F/T client against a simulated box, over real UDP and HTTP, through every fault."""
+"""Faults of a simulated Net F/T and of the network, and how the client handles them."""
 
 from itertools import pairwise
 import threading
@@ -17,12 +17,12 @@ from tendon_sensor_driver.net_ft import NetFtClient
 
 INTERNAL_HZ = 7000
 STEP_N = 1e-4  # change of the force from one tick to the next
-SLOW, FAST = (100.0, 1), (2000.0, 20)  # one record per datagram, and twenty
+SLOW, FAST = (100.0, 1), (2000.0, 20)  # rate [Hz], and number of records per datagram
 BOTH = pytest.mark.parametrize('way', [SLOW, FAST], ids=['single', 'buffered'])
 
 
 def ramp(times_s):
-    """Return a force whose value identifies the tick at which it was measured."""
+    """Return forces that increase with every tick, so that they identify the tick."""
     return np.rint(times_s * INTERNAL_HZ) * STEP_N
 
 
@@ -90,7 +90,7 @@ def rig(way, monkeypatch):
 
 
 def check_samples(rig, divisor, *, is_running=False):
-    """Check that the box measured each sample, that numbers are right, and none is repeated."""
+    """Check that all samples were measured by the box, with right numbers and no repetition."""
     expected = stamp_ns = 0
     first = None
     for block in rig.recorder.take():
@@ -117,11 +117,11 @@ def test_all_samples_arrive_in_order_with_the_true_period(rig, way):
     check_samples(rig, divisor(way))
     assert rig.health.lost_samples == 0
     assert rig.recorder.status() == StrainStatus.OK
-    assert rig.health.rate_hz == INTERNAL_HZ / divisor(way)  # 60 Hz is rounded to 60.345 Hz
+    assert rig.health.rate_hz == INTERNAL_HZ / divisor(way)  # the rate to which it was rounded
     assert rig.recorder.take()[-1].period_ns == round(divisor(way) * 1e9 / INTERNAL_HZ)
     assert rig.client.identity == 'FT00000'
     settings = rig.device.read_settings()
-    assert settings['setuserfilter'] == 6  # 18 Hz
+    assert settings['setuserfilter'] == 6  # the code of 18 Hz
     assert settings['comrdtrate'] == way[0]
 
 
@@ -129,10 +129,10 @@ def test_all_samples_arrive_in_order_with_the_true_period(rig, way):
 def test_what_the_network_and_the_box_do_is_counted_and_invents_nothing(rig, way):
     rig.device.fault('burst', 0.05)
     rig.await_more(0.2 * way[0])
-    assert rig.health.lost_samples == 0  # a burst loses nothing
+    assert rig.health.lost_samples == 0  # delayed datagrams are not lost
     counts = {
         'duplicate': lambda: rig.health.duplicates,
-        'reorder': lambda: rig.recorder.samples() // 8,  # some of the samples are overtaken
+        'reorder': lambda: rig.recorder.samples() // 8,  # it is enough that some samples arrive
         'garbage': lambda: rig.health.rejected_lines,
         'drop': lambda: rig.health.lost_samples,
     }
@@ -144,7 +144,7 @@ def test_what_the_network_and_the_box_do_is_counted_and_invents_nothing(rig, way
         rig.await_more()
     assert StrainStatus.RESYNCHRONISED in rig.recorder.status()
     lost = rig.health.lost_samples
-    rig.device.fault('stale', 0.4)  # silence, and no repeated sample
+    rig.device.fault('stale', 0.4)  # the box repeats old records, which must be dropped
     wait_until(lambda: rig.health.lost_samples > lost)
     rig.client.close()
     check_samples(rig, divisor(way))
@@ -162,11 +162,11 @@ def test_what_the_box_reports_is_in_the_status_and_in_words(rig, way):
         wait_until(lambda: bit in rig.recorder.status(since))  # noqa: B023 - called at once
         assert rig.health.device_status == words
         assert bit in rig.health.status
-        rig.await_more()  # samples still arrive
+        rig.await_more()  # samples still arrive during the fault
         rig.device.heal()
         wait_until(lambda: bit not in rig.health.status)  # noqa: B023 - called at once
         assert rig.health.device_status is None
-        if kind == 'status':  # the values of the samples are correct
+        if kind == 'status':  # this fault does not change the values
             check_samples(rig, divisor(way), is_running=True)
 
 
@@ -185,7 +185,7 @@ def test_a_box_that_falls_silent_is_noticed_and_comes_back(rig, way):
     rig.client.close()
     check_samples(
         rig, divisor(way)
-    )  # the counter kept running, so the missing samples are counted
+    )  # the missing samples are counted, as the box's counter went on
 
 
 @BOTH
@@ -244,7 +244,7 @@ def test_settings_that_are_right_are_not_written_again():
     answer = box.answer
     box.answer = lambda path: (written.append(path) if '.cgi' in path else None) or answer(path)
     with NetFtDevice(box) as device:
-        for expected in (2, 2):  # two pages are written the first time, and none the second time
+        for expected in (2, 2):  # the first client writes two pages, the second client none
             recorder = Recorder()
             with NetFtClient(configure(device, FAST), recorder, time.time_ns):
                 wait_until(lambda recorder=recorder: recorder.samples() > 10)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fixtures: the node in the process of the test, over real DDS."""
+"""Fixtures with the sensor node, which runs in the process of the test."""
 
 from functools import partial
 
@@ -21,7 +21,7 @@ from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 
 class Graph:
-    """The node under test, and a second node that stores its messages."""
+    """The sensor node, and a second node that stores the messages of the sensor node."""
 
     def __init__(self, context, port, **parameters):
         self.node = TendonSensorNode(
@@ -56,7 +56,7 @@ class Graph:
         wait_until(condition, lambda: f'diagnostics: {self.sentence()!r}', step=step)
 
     def await_health(self, level, named=''):
-        """Wait for diagnostics of a level whose message names a thing."""
+        """Wait for diagnostics with this level and a message that contains ``named``."""
 
         def is_there():
             if not self.diagnostics:
@@ -67,13 +67,13 @@ class Graph:
         self.spin_until(is_there)
 
     def await_more(self, count=1):
-        """Wait for some further messages; return the index of the first in ``strain``."""
+        """Wait for ``count`` more blocks; return the index of the first one in ``strain``."""
         first = len(self.strain)
         self.spin_until(lambda: len(self.strain) >= first + count)
         return first
 
     def is_matched(self):
-        """True if publishers and subscriptions have matched, which is later than in the graph."""
+        """Return True if all publishers and subscriptions of the two nodes have matched."""
         topics = {f'/left/tendon_sensor/{topic}' for topic in ('strain', 'wrench')}
         writers = [p for p in self.node.publishers if p.topic_name in topics]
         readers = [s for s in self.listener.subscriptions if s.topic_name in topics]
@@ -84,7 +84,7 @@ class Graph:
         )
 
     def call(self, name):
-        """Return the response of the service."""
+        """Call a service of the sensor node, and return its response."""
         client = self.listener.create_client(Trigger, f'/left/tendon_sensor/{name}')
         self.spin_until(client.service_is_ready)
         future = client.call_async(Trigger.Request())

@@ -75,7 +75,7 @@ def test_a_wrench_of_six_axes_is_turned_into_the_frame(axis, scale, expected):
     assert [force.x, force.y, force.z, torque.x, torque.y, torque.z] == expected
     assert force.x == tension_n[-1]
     frame = [turn_wrench(np.append(unit, np.zeros(3)), axis, scale)[:3] for unit in np.eye(3)]
-    assert np.linalg.det(frame) == pytest.approx(1.0)  # right-handed
+    assert np.linalg.det(frame) == pytest.approx(1.0)  # the frame is right-handed
 
 
 def test_a_tare_becomes_a_message():
@@ -100,7 +100,7 @@ def test_silence_is_a_warning_and_says_what_arrives_instead():
     assert re.search('12,0.5,lbs,.*unit', sentence)
     assert 'baud' in assess(now_s=6.1, bytes=2000)[1]
     health = dataclasses.replace(HEALTHY, bytes=10**6, rejected_lines=5)
-    config = TendonSensorConfig(sensor='net_ft')  # a Net F/T sends no lines
+    config = TendonSensorConfig(sensor='net_ft')  # its counters mean no lines
     _, sentence = assess_health(health, HEALTHY, config, 7 * SECOND_NS)
     assert '2.0 s' in sentence
     assert 'baud' not in sentence

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every fault of a load-cell line appears in diagnostics and blocks, and ends again."""
+"""Faults of a load cell appear in the diagnostics and the blocks, and end again."""
 
 import random
 import re
@@ -20,10 +20,11 @@ TARE = {'unit': 'N', 'rate_hz': RATE_HZ, 'tare_samples': 30, 'tare_spread_n': 1.
 
 
 class Board(threading.Thread):
-    """Board that sends a line every 8 ms, or a fault. The tension [N] is the number of the line.
+    """Simulated load-cell board that sends a line every 8 ms, and can have faults.
 
-    The clock of the board continues while this thread pauses. As with a real board, a late line
-    contains the time at which it was due, so that no sample seems to be lost.
+    The tension in a line [N] is the number of the line. Like a real board, the simulated board
+    does not skip lines if its thread is paused. A late line contains the time at which it should
+    have been sent.
     """
 
     def __init__(self, sensor):
@@ -89,7 +90,7 @@ def graph(make_graph, sensor, board):
 
 
 def check_samples(graph, board):
-    """Check that each value was sent, that none is repeated, and that their order is kept."""
+    """Check that all received values were sent, without repetition and in the same order."""
     values = [round(n, 5) for message in graph.strain for n in message.tension_n]
     assert set(values) <= board.sent
     moving = [value for value in values if value not in (0.5, 99.0)]
@@ -123,10 +124,10 @@ def test_each_fault_is_seen_and_goes_with_its_cause(graph, board):
 
 
 def pull_the_plug(graph, board, sensor):
-    """Unplug the board and plug it in again; return the index of the first message after that."""
+    """Unplug the board and plug it in again; return the index of the next block."""
     board.fault = 'unplug'
     sent = len(board.sent)
-    wait_until(lambda: len(board.sent) >= sent + 2)  # the board writes no more
+    wait_until(lambda: len(board.sent) >= sent + 2)  # wait for its last line
     sensor.unplug()
     graph.await_health(DiagnosticStatus.ERROR)
     first = len(graph.strain)
@@ -168,7 +169,7 @@ def test_a_board_without_a_clock_that_comes_back_takes_the_tare_with_it(make_gra
     graph.await_more(200)
     assert graph.call('tare').success
     first = pull_the_plug(graph, board, sensor)
-    # the board stops sending, because a slow service call would find enough samples
+    # The board must not send during the service call, or there could be enough samples again.
     board.fault = 'unplug'
     refused = graph.call('tare')
     board.fault = ''
@@ -198,7 +199,7 @@ def test_a_clock_that_is_set_leaves_the_tare(make_graph, sensor, board):
     for steps, offset_s in enumerate((5, 0), 1):  # noqa: B007 - two functions read it
         graph.spin_until(lambda: count_steps() == steps)  # noqa: B023 - called at once
         graph.await_more(30)
-        # Lines that were late when the clock was set make the stamps too late for some time.
+        # If lines were late when the clock was set, the stamps are also late for some time.
         graph.spin_until(lambda: -0.1 < behind_s() < 4.0)
     graph.await_health(DiagnosticStatus.OK)
     assert not any(m.status & StrainStatus.RESTARTED for m in graph.strain)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node with a simulated Net F/T over real UDP and HTTP."""
+"""The sensor node with a simulated Net F/T."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from net_ft_device import HOST, NetFtBox, NetFtDevice

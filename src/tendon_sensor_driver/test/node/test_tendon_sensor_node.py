@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node over a real pseudo-terminal: topics, lifecycle, parameters and tare."""
+"""The sensor node with a simulated load cell: topics, lifecycle, parameters and tare."""
 
 import re
 
@@ -69,7 +69,7 @@ def test_configure_fails_cleanly_without_a_port_and_works_once_there_is_one(grap
     sensor.unplug()
     assert not graph.node.bring_up()
     sensor.plug_in()
-    for _ in range(2):  # cleanup closes the port, configure opens it again
+    for _ in range(2):  # the port is closed by cleanup and opened again by configure
         graph.bring_up()
         sensor.write(b'\n')
         sensor.write_reading(0)
@@ -133,13 +133,13 @@ def test_blocks_are_larger_only_while_the_tendon_is_reported_at_rest(graph, sens
     graph.spin_until(lambda: stage._is_at_rest)
     write(6)
     assert [len(each.tension_n) for each in graph.strain[3:]] == [3, 3]
-    slack.publish(TendonSlack(state=TendonSlack.SLACK))  # a goal moves the tendon
+    slack.publish(TendonSlack(state=TendonSlack.SLACK))  # the tendon is no longer at rest
     graph.spin_until(lambda: not stage._is_at_rest)
     write(2)
     assert [len(each.tension_n) for each in graph.strain[5:]] == [1, 1]
     slack.publish(TendonSlack(state=TendonSlack.SLACK, at_rest=True))
     graph.spin_until(lambda: stage._is_at_rest)
-    graph.listener.destroy_publisher(slack)  # its node has gone
+    graph.listener.destroy_publisher(slack)  # as if the tendon actuator had ended
     graph.spin_until(lambda: not stage._is_at_rest)
     write(1)
 
@@ -174,6 +174,6 @@ def test_a_tare_is_refused_while_the_tendon_is_taut_or_a_trial_runs(make_graph, 
     await_answer('tare', '0 of 5')
     slack.publish(TendonSlack(state=TendonSlack.TAUT))
     await_answer('tare', 'mm')
-    graph.listener.destroy_publisher(slack)  # the node of the tendon actuator has ended
+    graph.listener.destroy_publisher(slack)  # as if the tendon actuator had ended
     await_answer('tare', '0 of 5')
     assert graph.call('clear_tare').success

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node with a force that another node publishes, over real DDS."""
+"""The sensor node with a force that another node publishes on a topic."""
 
 import itertools
 import math
@@ -32,7 +32,7 @@ SECOND_NS = 1_000_000_000
 
 
 class Source(Node):
-    """Another node, which publishes a force."""
+    """A node that publishes a force on the topic ``/force``."""
 
     def __init__(self, context, kind, profile=RELIABLE, name='broadcaster'):
         super().__init__(name, context=context)
@@ -57,7 +57,7 @@ def make_source(context):
     sources = []
 
     def make(*arguments, **options):
-        # a context of another program, because a topic has one type in each program
+        # With its own context, the source can publish another type than the sensor node expects.
         theirs = Context()
         rclpy.init(context=theirs, domain_id=context.get_domain_id())
         sources.append(Source(theirs, *arguments, **options))
@@ -80,7 +80,7 @@ def topic_graph(make_graph):
 
 
 def meet(graph, source):
-    """Wait until both ends have matched, because a best-effort publisher repeats nothing."""
+    """Wait until publisher and subscription have matched, so that no message is lost."""
     graph.spin_until(lambda: source.force.get_subscription_count() == 1)
     graph.spin_until(lambda: 'True' in graph.values().get('is_connected', ''))
     subscription = graph.node.stage._client._subscription
@@ -88,10 +88,10 @@ def meet(graph, source):
 
 
 def send_all(graph, source, samples):
-    """Publish (stamp, value) pairs as fast as the node takes them."""
+    """Publish pairs of stamp and value as fast as the sensor node receives them."""
     for i, (stamp_ns, value) in enumerate(samples):
         source.send(value, stamp_ns)
-        if i % 20 == 19:  # the queues hold more than these messages
+        if i % 20 == 19:  # often enough that no queue overflows
             graph.executor.spin_once(timeout_sec=0.001)
 
 
@@ -132,7 +132,7 @@ def test_each_type_becomes_tension_from_publishers_of_either_reliability(
             assert stamp_of(message) == now_ns + i * SECOND_NS // 60
             assert message.stamp_error_s >= 0
         else:
-            # On a virtual machine, the clock may be set by a millisecond from time to time.
+            # The tolerance of 10 ms allows for small corrections of the host's clock.
             assert -SECOND_NS // 100 < stamp_of(message) - now_ns < 10 * SECOND_NS
             assert message.stamp_error_s == -1.0
     assert graph.diagnostics[-1].status[0].hardware_id == '/force'
@@ -159,7 +159,7 @@ def test_what_is_lost_late_or_twice_is_seen_and_a_pause_of_the_thread_costs_noth
     send_all(graph, source, [(start_ns + i * SECOND_NS // 250, float(i)) for i in order])
     graph.spin_until(lambda: 99 in to_samples(graph.strain))
     placed = sorted({*order} - {34})
-    # Sample 34 arrived after sample 59, so it counts as missing in its place and is dropped.
+    # Sample 34 arrived after sample 59. It counts as missing before sample 35 and is dropped.
     assert to_samples(graph.strain) == {i - (33 < i < 60): float(i) for i in placed[:-1]}
     names = ('duplicates', 'late_samples', 'lost_samples')
     graph.spin_until(lambda: [graph.values()[name] for name in names] == ['1', '1', '4'])
@@ -171,7 +171,7 @@ def test_a_publisher_that_stamps_when_it_sends_has_irregular_stamps(topic_graph,
     meet(graph, source)
     period_ns = SECOND_NS // 250
     start_ns = time.time_ns() - SECOND_NS
-    # Every 40th message is 1.6 periods late, and the message after it 0.7 periods.
+    # One message in 40 is 1.6 periods late, and the message after it is 0.7 periods late.
     late = {20: 1.6, 21: 0.7}
     stamps_ns = [start_ns + round((i + late.get(i % 40, 0.0)) * period_ns) for i in range(240)]
     send_all(graph, source, [(stamp_ns, float(i)) for i, stamp_ns in enumerate(stamps_ns)])
@@ -203,8 +203,7 @@ def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, m
     graph.await_health(DiagnosticStatus.WARN, '/broadcaster')
     due_ns = time.time_ns()
 
-    # everything that is due is sent, so that a busy computer does not change the rate of the
-    # stamps
+    # All messages that are due are sent, so that the rate of their stamps is always 60 Hz.
     def send_what_is_due():
         nonlocal due_ns
         while due_ns < time.time_ns():
@@ -222,7 +221,7 @@ def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, m
     source.destroy_publisher(source.force)
     heard = len(graph.strain)
     graph.await_health(DiagnosticStatus.ERROR, '/force')
-    # The publisher may start again with another type.
+    # The next publisher of the topic has another message type.
     other = make_source(Float64, name='other')
     meet(graph, other)
     other.send(7.0)
@@ -260,7 +259,7 @@ def test_a_quality_of_service_that_does_not_fit_is_told(topic_graph, make_source
         **{'qos_overrides./force.subscription.reliability': 'reliable'},
     )
     graph.await_health(DiagnosticStatus.ERROR, 'qos_overrides')
-    # ROS may find the publisher before the name of its node.
+    # ROS 2 can discover the publisher before the name of its node is known.
     graph.spin_until(lambda: '/broadcaster' in graph.sentence())
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of messages to readings and blocks, and messages about a topic; without ROS."""
+"""Readings and blocks from the messages of a topic, and diagnosis of its problems."""
 
 import math
 from types import SimpleNamespace
@@ -60,7 +60,7 @@ def test_a_component_of_a_wrench_or_its_norm_is_the_tension(axis, expected, comp
     reading = READERS['geometry_msgs/msg/Wrench'](plain, config)
     assert reading == TopicReading(None, -2.0 * expected, components)
     assert READERS[WRENCH](stamped, config) == reading._replace(stamp_ns=3_000_000_005)
-    stamped.header = header(0, 0)  # a stamp of zero means that there is no stamp
+    stamped.header = header(0, 0)  # zero means that there is no stamp
     assert READERS[WRENCH](stamped, config) == reading
 
 
@@ -95,7 +95,7 @@ def test_joint_states_without_the_effort_say_what_is_missing(names, efforts, joi
 
 @pytest.mark.parametrize('axis', ['x', 'FX', 'force.x'])
 def test_an_unknown_axis_is_refused_with_the_known_ones(axis):
-    # In TOPIC:NAME, a NAME that is not an axis is the name of a joint.
+    # In TOPIC:NAME, a name that is not an axis is taken for a joint.
     stamped = SimpleNamespace(header=header(3, 5), wrench=None)
     with pytest.raises(ReadingError, match='its axes are fx, fy, fz, tx, ty, tz, norm'):
         READERS[WRENCH](stamped, configure(joint=axis))
@@ -177,7 +177,7 @@ def test_a_publisher_that_comes_back_and_a_clock_that_is_set_are_told():
     assert back.status == StrainStatus.RECONNECTED
     assert first.status & StrainStatus.CLOCK_STEP
     assert second.status == StrainStatus.OK
-    assert not first.status & StrainStatus.RESTARTED  # the tare stays
+    assert not first.status & StrainStatus.RESTARTED  # so the tare is not cleared
 
 
 @settings(max_examples=150)

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated ATI Net F/T on the loopback: records over UDP, settings over HTTP, faults.
+"""A simulated ATI Net F/T, which sends records over UDP and has settings on web pages.
 
-The behaviour of a real box beyond the documented protocol is not known.
+It follows the documented protocol. Other behaviour of the real device is not known.
 """
 
 import contextlib
@@ -37,16 +37,17 @@ _RANGES = {
     'setuserfilter': (0, 12),
 }
 _SATURATED_N = 1000.0
-_UPTIME_S = 150.0  # uptime at the beginning, so that a restart decreases the counter
+_UPTIME_S = 150.0  # time since power-up at the start, so that a restart sets the counter back
 _SLICE_S = 0.001
 
 
 class NetFtBox:
-    """Answers and packets of a Net F/T, without sockets and clock.
+    """Computes the answers and packets of a simulated Net F/T ("box").
 
-    ``force`` is the axial force [N]: a function of the times since power-up [s], or samples at
-    7000 Hz that are repeated. At a restart, settings return to the stored values. The low pass is
-    stored but not applied. ``noise_counts`` is the standard deviation of every component.
+    ``force`` is the axial force [N]. It is a function of the times since power-up [s], or an array
+    of samples at 7000 Hz that are repeated. ``noise_counts`` is the standard deviation of the
+    noise of every component. A restart resets all settings. The low-pass filter can be set, but
+    has no effect.
     """
 
     def __init__(
@@ -74,20 +75,20 @@ class NetFtBox:
         }
         self.settings = dict(_STORED)
         self._begun_s = -_UPTIME_S
-        self._faults = {}  # end [s] and fraction of datagrams of each kind of fault
+        self._faults = {}  # end [s] and fraction of affected datagrams, by kind of fault
         self._command = Command.STOP
         self._record = 0
-        self._ticks = self._shown = 0  # number of the newest record, and its content
+        self._ticks = self._shown = 0  # tick of the newest record, and tick that it contains
         self._status = 0
-        self._held = []  # records that wait for their datagram
+        self._held = []  # records of the next datagram, which is not full yet
         self._overtaken = []
-        self._delayed = []  # datagrams that a slow network delays
+        self._delayed = []  # datagrams that the fault "burst" delays
 
     def fault(self, kind, now_s, duration_s=np.inf, fraction=0.1):
         """Begin a fault. If no duration is given, the fault lasts until `heal` is called.
 
-        Kinds: burst, mute, restart, saturate, stale, status, stuck, unplug; and drop, duplicate,
-        reorder and garbage, with the fraction of the datagrams.
+        The kinds are burst, mute, restart, saturate, stale, status, stuck, unplug, drop,
+        duplicate, reorder and garbage. The last four affect a fraction of the datagrams.
         """
         if kind == 'restart':
             self._begun_s = now_s + duration_s
@@ -103,11 +104,11 @@ class NetFtBox:
         return kind in self._faults and now_s < self._faults[kind][0]
 
     def is_away(self, now_s):
-        """True while the box answers nothing."""
+        """Return True while the box is unplugged or restarts, and does not answer."""
         return self.has('unplug', now_s) or self.has('restart', now_s)
 
     def answer(self, path):
-        """Return a page, or None if it does not exist; a query changes settings."""
+        """Return a web page, or None if it does not exist. A query in the path sets settings."""
         parts = urlsplit(path)
         if parts.path == CONFIGURATION_PAGE:
             return self._describe()
@@ -126,7 +127,7 @@ class NetFtBox:
             'runrate': INTERNAL_RATE_HZ,
             'setuserfilter': self.settings['setuserfilter'],
             'comrdte': 'Enabled' if self.settings['comrdte'] else 'Disabled',
-            # Whole numbers, as a box of firmware 2.2.59 reports them.
+            # The rate is rounded to an integer, as in a box with firmware 2.2.59.
             'comrdtrate': INTERNAL_RATE_HZ // self._divisor,
             'comrdtbsiz': self.settings['comrdtbsiz'],
         }
@@ -197,7 +198,7 @@ class NetFtBox:
 
     def _pack(self, records):
         self._held.append(records)
-        waiting = np.concatenate(self._held).astype(RECORD)  # big-endian, as in the packets
+        waiting = np.concatenate(self._held).astype(RECORD)  # now big-endian, as in datagrams
         is_buffered = self._command is Command.START_BUFFERED
         size = self.settings['comrdtbsiz'] if is_buffered else 1
         whole = len(waiting) // size * size
@@ -234,10 +235,10 @@ def _repeat(samples_n):
 
 
 class NetFtDevice:
-    """Runs a box with the host's clock, and serves the client that requested a stream last.
+    """Runs a `NetFtBox` in real time, with sockets for UDP and HTTP.
 
-    Real-time records are sent at most about a millisecond late. While the device runs, only its
-    threads use the box. ``failure`` is the exception that ended one of the threads.
+    The stream is sent to the client that requested it last, about a millisecond late at most.
+    ``failure`` is the exception that ended one of the threads, or None.
     """
 
     def __init__(self, box):
@@ -284,7 +285,7 @@ class NetFtDevice:
             self._box.heal()
 
     def read_settings(self):
-        """Return the present settings of the box; the keys are the names on its web pages."""
+        """Return the present settings by their names on the web pages."""
         with self._lock:
             return dict(self._box.settings)
 
@@ -306,7 +307,7 @@ class NetFtDevice:
     def _serve(self):
         request = b''
         if select.select([self._socket], [], [], _SLICE_S)[0]:
-            # Sending to a client that has closed its socket raises an error.
+            # The error is raised if a datagram was sent to a client that has closed its socket.
             with contextlib.suppress(ConnectionError):
                 request, peer = self._socket.recvfrom(64)
         with self._lock:
@@ -343,4 +344,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(page)
 
     def log_message(self, *_):
-        """Say nothing."""
+        """Suppress the log messages of the base class."""

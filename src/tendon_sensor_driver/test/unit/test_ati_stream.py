@@ -24,7 +24,7 @@ def configure(**changes):
 
 
 def batch_of(ticks, *, records=None, status=0, first=0, delay_s=0.0, values=None, scale=1.0):
-    """Return samples of a counter that started at ``first``; each value is the sample's tick."""
+    """Return a batch of samples at ``ticks``, whose tensions are equal to the ticks."""
     ticks = np.asarray(ticks, dtype=np.int64)
     wrench = np.zeros((len(ticks), 6))
     wrench[:, 2] = ticks if values is None else values
@@ -54,13 +54,13 @@ def start(**changes):
 
 
 def begin_again(stream):
-    """Begin a new session of the link, as the client does."""
+    """Begin a new session, as the client does after it has lost the link."""
     stream.clock.begin_session(RATE_HZ, 7)
     stream.note_reconnection()
 
 
 def check(blocks, ticks):
-    """Check that the blocks contain exactly these ticks, each with the number of its tick."""
+    """Check that the blocks contain exactly the samples at ``ticks``, with right numbers."""
     values = np.concatenate([block.tension_n for block in blocks])
     np.testing.assert_array_equal(values, ticks)
     expected = end_ns = 0
@@ -96,7 +96,7 @@ def test_any_loss_duplication_order_and_cutting_gives_true_samples_once(
         part = np.concatenate((part, twice))
         if batches:
             generator.shuffle(part)
-        else:  # numbers are counted from the first record
+        else:  # the first sample stays first, because sequence numbers start there
             part = np.concatenate((part[:1], generator.permutation(part[1:])))
         batches.append(batch_of(part, first=first))
     blocks = run(stream, batches)
@@ -126,7 +126,7 @@ def test_samples_that_come_late_or_twice_are_dropped_and_counted(
 
 def test_the_period_follows_the_records_and_not_the_expectation():
     stream = Stream(configure(samples_per_block=1, rate_hz=60.0), CounterClock())
-    stream.clock.begin_session(RATE_HZ, 117)  # ticks per sample of a sensor that reports 60 Hz
+    stream.clock.begin_session(RATE_HZ, 117)  # 7000 / 60, although the sensor uses 116
     batches = [batch_of([116 * i], records=[i]) for i in range(1, 8)]
     blocks = run(stream, batches)
     assert blocks[-1].period_ns == round(116e9 / 7000)
@@ -220,7 +220,7 @@ def test_late_batches_do_not_spoil_the_stamps():
 
 def test_a_box_that_stood_still_is_no_step_of_the_hosts_clock():
     stream = start()
-    parts = np.split(7 * np.arange(1, 20_001), 400)  # 50 ms each
+    parts = np.split(7 * np.arange(1, 20_001), 400)  # batches of 50 ms
     blocks = run(stream, [batch_of(p, delay_s=1.38 * (i > 200)) for i, p in enumerate(parts)])
     assert [b.status for b in blocks if b.status] == [StrainStatus.RESYNCHRONISED]
     assert (stream.clock.restarts, stream.clock.outliers, stream.lost_samples) == (0, 0, 0)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The clock against an exact model of sampling, ticks, delays and steps of the host's clock."""
+"""Stamps of the clocks agree with a model of device time, delays and clock steps."""
 
 from itertools import pairwise
 import random
@@ -32,19 +32,19 @@ class Model:
     def __init__(self, drift_ppm=0, first_ticks=5000, delay_ns=2 * MS_NS):
         self.drift_ppm = drift_ppm
         self.first_ticks = first_ticks
-        self.delay_ns = delay_ns  # smallest delay from sample to arrival
+        self.delay_ns = delay_ns  # constant part of the delay from sample to arrival
 
     def ticks(self, elapsed_ns):
         device_ns = elapsed_ns * (1_000_000 + self.drift_ppm) // 1_000_000
         return (self.first_ticks + device_ns // MS_NS) % WRAP
 
     def true_stamp(self, elapsed_ns):
-        """Return the time of a sample plus the constant delay, which cannot be measured."""
+        """Return the best possible stamp of a sample: its time plus the constant delay."""
         return EPOCH_NS + elapsed_ns + self.delay_ns
 
 
 def run(model, seconds, extra_delay_ns=lambda elapsed_ns: 0, clock=None):
-    """Return (elapsed, ticks, Instant) of every sample; samples arrive in their order."""
+    """Simulate samples; return tuples of elapsed time [ns], ticks and `Instant`."""
     clock = clock or DeviceClock(0.001, PERIOD_NS)
     arrived_ns = 0
     rows = []
@@ -83,13 +83,13 @@ def jitter(seed, most_ns):
 @pytest.mark.parametrize('newest', [18, None])
 def test_samples_that_waited_for_the_hosts_thread_do_not_make_the_stamps_late(newest):
     model, clock = Model(), DeviceClock(0.001, PERIOD_NS)
-    waited_ns = 18 * SECOND_NS // 60  # the first 19 samples arrive together
+    waited_ns = 18 * SECOND_NS // 60  # the first 19 samples wait and arrive together
     if newest is not None:
         clock.note_newest(model.ticks(newest * SECOND_NS // 60), model.true_stamp(waited_ns))
     rows = run(model, 7, lambda elapsed_ns: max(waited_ns - elapsed_ns, 0), clock)
     check(model, rows)
     late_ns = [instant.stamp_ns - model.true_stamp(elapsed_ns) for elapsed_ns, _, instant in rows]
-    if newest is None:  # a late estimate takes six seconds to be corrected
+    if newest is None:  # the first offset is late, and is corrected within six seconds
         assert late_ns[0] == waited_ns
         assert max(instant.stamp_error_s for *_, instant in rows) > 0.03
     else:
@@ -109,13 +109,13 @@ def test_jitter_and_drift_stay_within_the_stated_error(drift_ppm):
     model = Model(drift_ppm)
     rows = run(model, 120, jitter(drift_ppm, 8 * MS_NS))
     check(model, rows)
-    # The bound is the sum of one tick, 100 ppm of ten seconds, and the effect of the jitter.
+    # One tick is 1 ms, and 100 ppm of ten seconds are 1 ms. The rest is due to the jitter.
     assert max(instant.stamp_error_s for _, _, instant in rows[1200:]) < 0.005
 
 
 @pytest.mark.parametrize('drift_ppm', [-100, 100])
 def test_bursts_do_not_move_the_stamps(drift_ppm):
-    """Every 10 s the host stalls, and everything since then arrives together, 3 s late."""
+    """Every 10 s, the host stalls for 3 s, and then receives the samples of this time at once."""
 
     def burst(elapsed_ns):
         into_ns = elapsed_ns % (10 * SECOND_NS)
@@ -124,13 +124,13 @@ def test_bursts_do_not_move_the_stamps(drift_ppm):
     model = Model(drift_ppm)
     rows = run(model, 120, burst)
     check(model, rows)
-    # The bound is one tick plus 100 ppm of 13 s, in which samples arrive during ten seconds.
+    # One tick is 1 ms, and 100 ppm of the 13 s until the end of the next stall are 1.3 ms.
     for elapsed_ns, _, instant in rows:
         assert abs(instant.stamp_ns - model.true_stamp(elapsed_ns)) <= 2.4 * MS_NS
 
 
 def run_bursts(drift_ppm_at, *, rate_hz=60.0, tick_ns=1000, seconds=120):
-    """Return (seconds, error [ns], stated error [ns]) of samples behind a USB adapter.
+    """Simulate samples through a USB adapter; return (time [s], error [ns], stated error [ns]).
 
     The adapter delivers the received samples every 16 ms, with a jitter of up to 0.2 ms. One
     sample in a hundred is missing.
@@ -172,7 +172,7 @@ def test_a_drift_that_changes_is_followed_within_the_bursts():
 
 
 def test_ticks_of_a_millisecond_add_a_millisecond_at_most():
-    """Ticks and bursts both lie on a grid of 1 ms; their relative phase cannot be measured."""
+    """The ticks and the arrivals have a fixed phase, so the rounding to ticks stays unknown."""
     rows = run_bursts(lambda _: 100, tick_ns=MS_NS)
     errors_ns = sorted(abs(error_ns) for t_s, error_ns, _ in rows if t_s > 10)
     assert errors_ns[len(errors_ns) * 9 // 10] < MS_NS
@@ -209,7 +209,7 @@ def test_a_restarted_device_is_believed_from_its_second_line_on():
     assert clock.place(10, start_ns) is None
     again = clock.place(27, start_ns + 17 * MS_NS)
     assert again.is_restart
-    assert again.stamp_error_s < 0  # earlier delays belong to another clock
+    assert again.stamp_error_s < 0  # the error of the restarted clock is unknown
     assert again.stamp_ns == start_ns + 17 * MS_NS
     assert not clock.place(43, start_ns + 33 * MS_NS).is_restart
     assert clock.outliers == 1
@@ -228,7 +228,7 @@ def test_one_broken_time_changes_nothing(ticks):
         elapsed_ns += PERIOD_NS
         line = model.ticks(elapsed_ns), model.true_stamp(elapsed_ns)
         assert clock.place(*line) == undisturbed.place(*line)
-    # The same holds for two consistent outliers with a valid sample between them.
+    # Two outliers that agree do not count as a restart if a valid sample is between them.
     assert clock.place(ticks + 67, model.true_stamp(elapsed_ns)) is None
     assert clock.outliers == 2
 
@@ -250,7 +250,7 @@ def test_after_a_reconnection_the_first_line_tells_whether_the_device_ran_on():
         instant = clock.place(ticks, EPOCH_NS + 40 * SECOND_NS + 12 * MS_NS)
         assert instant.is_restart is is_restart
         assert clock.outliers == clock.late_samples == 0
-        # A burst some time later does not count as a restart.
+        # Only the first sample after the reconnection can show a restart.
         later = clock.place(ticks + 17, EPOCH_NS + 43 * SECOND_NS)
         assert not later.is_restart
 
@@ -280,7 +280,8 @@ def test_a_host_clock_set_back_never_takes_the_stamps_back():
     assert len(placed) == len(instants) - 1
     assert all(b.stamp_ns > a.stamp_ns for a, b in pairwise([before, *placed]))
     assert sum(instant.is_restart for instant in placed) == 1
-    # The stated error contains the remaining difference: 30 s minus 1/20 of the elapsed time.
+    # The stamps approach the new time of the host by 1/20 of the elapsed time. The difference
+    # that is left is part of the stated error.
     ahead_ns = placed[-1].stamp_ns - (EPOCH_NS + 30 * SECOND_NS)
     assert ahead_ns > 27 * SECOND_NS
     assert placed[-1].stamp_error_s > ahead_ns / 1e9
@@ -310,7 +311,7 @@ def test_ticks_that_are_no_whole_nanoseconds_stay_exact():
     seconds = 86400 * 30
     instant = clock.place(32768 * seconds, seconds * SECOND_NS)
     assert instant.device_ns == seconds * SECOND_NS
-    # 1e-6 as a float is a little less than a microsecond.
+    # The float 1e-6 is a little smaller than a microsecond, so it must not be rounded down.
     clock = DeviceClock(1e-6, PERIOD_NS)
     clock.place(0, 0)
     assert clock.place(1, 1000).device_ns == 1000
@@ -352,14 +353,14 @@ def test_steps_that_are_told_leave_the_error_as_stated(steps, seed):
         assert not instant.is_restart
         assert not instant.is_step
         error_ns = instant.stamp_ns - (EPOCH_NS + elapsed_ns + 2 * MS_NS) - offset_ns
-        # The first stamps equal the times of arrival.
+        # While the error is unknown, stamps are the times of arrival, which are 8 ms late at most.
         most_s = instant.stamp_error_s if instant.stamp_error_s >= 0 else 0.01
         assert abs(error_ns) <= most_s * SECOND_NS
     assert (clock.restarts, clock.outliers, clock.late_samples) == (0, 0, 0)
 
 
 def test_a_device_that_stood_still_is_no_step_of_the_hosts_clock():
-    """The monotonic clock shows no step, so the device's clock paused."""
+    """If the offset jumps but the host's clock was not set, the device's clock paused."""
     stream = StrainStream(TendonSensorConfig(rate_hz=60.0))
     blocks = []
     for i in range(30 * 60):
@@ -381,7 +382,7 @@ def test_the_time_of_arrival_tells_steps_from_delays_of_its_own():
     for _ in range(200):
         arrivals.now_ns()
     assert arrivals.take_step_ns() == 0
-    now_ns[0] = 50 * MS_NS  # less than a step
+    now_ns[0] = 50 * MS_NS  # too small for a step
     arrivals.now_ns()
     assert arrivals.take_step_ns() == 0
     now_ns[0] -= 5 * SECOND_NS

@@ -46,8 +46,8 @@ def test_any_separator_and_further_columns(line):
 @pytest.mark.parametrize(
     ('line', 'options', 'reading'),
     [
-        (b'1204,0.53,kg,24.75,', {}, (1204, 0.53)),  # OpenScale with its temperature
-        # and all other columns that it can send
+        (b'1204,0.53,kg,24.75,', {}, (1204, 0.53)),  # OpenScale with temperature
+        # OpenScale with all columns that it can send.
         (b'1204,0.53,kg,8388607,24.75,21.3,', {}, (1204, 0.53)),
         (b'12.3', NO_TIME, (None, 12.3)),
         (b'0.5,kg,99', {'time_column': 2, 'value_column': 0}, (99, 0.5)),
@@ -88,7 +88,7 @@ INDICATOR = {**NO_TIME, 'value_column': 2}
 @pytest.mark.parametrize(
     ('lines', 'options'),
     [
-        ([b'ST,GS,+  12.34 kg', b'US,GS,+  12.34 kg'], INDICATOR),  # A&D, CAS and many others
+        ([b'ST,GS,+  12.34 kg', b'US,GS,+  12.34 kg'], INDICATOR),  # scales of A&D, CAS and others
         ([b'ST,NT,   12.34,kg', b'US,NT,   12.34,kg'], INDICATOR),
         ([b'ST,GS,+  12.34kg', b'US,GS,+  12.34kg'], INDICATOR),
         ([b'ST,+00012.34  g', b'US,+00012.34  g'], {**INDICATOR, 'value_column': 1, 'unit': 'g'}),
@@ -120,7 +120,7 @@ REFUSED = [
     (b'12.34 oz', 'g', 'set unit to oz'),
     (b'12.34 t', 'kg', 'set unit to t'),
     (b'12.34,,g/12.34 | g', 'kg', 'set unit to g'),
-    (b'12.34,,N/12.34 | N/12.34 [N]', 'kg', 'set unit to N'),  # not "net"
+    (b'12.34,,N/12.34 | N/12.34 [N]', 'kg', 'set unit to N'),  # N is not "net" here
     (b'12.34 lbs', 'kg', 'set unit to lbf'),
     (b'12.34 units', 'kg', 'the word "units" after the value is not a known unit'),
     (b'12.34 \xb5N', 'N', 'the word "\\xb5N" after the value'),
@@ -389,8 +389,7 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
             text = re.sub('([+-]) +', r'\1', line.decode('latin-1'))
             if mark == ',':
                 text = text.replace(',', '.')
-            # The digits of the value are contiguous in the line, with no digit directly before or
-            # after.
+            # The value must be a whole number in the line, not a part of a longer number.
             numbers = re.findall(r'(?<![\d.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?', text)
             assert abs(reading.value) in [abs(float(number)) for number in numbers]
             if len(numbers) == 1:
@@ -408,7 +407,7 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
 @example(12, 34, ',', ',kg', True)
 @example(1, 234, ' ', ' kg', False)
 def test_a_number_that_is_divided_is_never_read(head, tail, mark, end, has_time):
-    """The mark may be a decimal comma or a thousands separator."""
+    """A mark within a number can be a decimal comma or a thousands separator."""
     config = CONFIG if has_time else TendonSensorConfig(**NO_TIME)
     time = '1204,' if has_time else ''
     for sign in ('', '-', '+'):

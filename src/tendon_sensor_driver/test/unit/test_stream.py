@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The chain from readings to blocks, without a port: newtons, status, numbers, grouping."""
+"""From readings to blocks: conversion to newtons, status, sequence numbers and grouping."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -46,8 +46,8 @@ def test_newtons_are_right_to_one_rounding_a_step(unit, value, scale, offset_n):
     (block,) = stream.add_reading(LineReading(0, value, 0))
     product = Fraction(value) * Fraction(scale) * EXACT_NEWTONS[unit]
     exact = product + Fraction(offset_n)
-    # There are four roundings: the factor of the unit, its product with scale, the product with
-    # the value, and the sum.
+    # Four numbers are rounded: the factor of the unit, its product with the scale, the product of
+    # this with the value, and the sum with the offset.
     bound = (abs(product) * 3 + (abs(exact) if offset_n else 0)) * Fraction(2) ** -53
     assert abs(Fraction(float(block.tension_n[0])) - exact) <= max(bound, Fraction(5e-324))
 
@@ -155,7 +155,7 @@ def at(ms, *, error_s=0.001):
 
 
 class StatedClock(SampleClock):
-    """Clock that returns the instants that a test states."""
+    """Clock that returns the `Instant` in its attribute ``instant``, which tests set."""
 
     def place(self, ticks, received_at_ns):
         return self.instant
@@ -231,7 +231,7 @@ def test_a_full_block_leaves_at_once():
     (block,) = add(stream, at(33), 2.0)
     assert block.tension_n.dtype == np.float64
     assert block.stamp_ns == 10**18
-    # One millisecond is the error of the clock; 2/3 ms is the difference of 16 ms to a period.
+    # The error of the clock is 1 ms, and the sample at 16 ms deviates from the period by 2/3 ms.
     assert block.stamp_error_s == pytest.approx(0.001 + 0.000666667)
 
 
@@ -242,7 +242,7 @@ def test_blocks_are_larger_while_the_tendon_is_at_rest_unless_their_size_is_stat
     assert sizes == [3, 3, 1]
     assert run(stream, [at(200), at(216)])[0].tension_n.tolist() == [0, 1]
     assert add(stream, at(300), 0.0) == add(stream, at(316), 1.0) == []
-    stream.set_at_rest(False)  # what waits leaves with the next sample
+    stream.set_at_rest(False)  # the next sample ends the larger block
     assert [b.tension_n.tolist() for b in add(stream, at(333), 2.0)] == [[0, 1], [2]]
     stated = make(2)
     stated.set_at_rest(True)

@@ -27,7 +27,7 @@ def make_block(tension_n, first=0, status=StrainStatus.OK, wrench=None):
 
 
 def feed(tare, tension_n, **options):
-    """Add blocks of seven samples; the last sample is at NOW_NS."""
+    """Add samples to the tare, in blocks of seven. The last sample is at the time NOW_NS."""
     start = 100 - len(tension_n)
     for i in range(0, len(tension_n), 7):
         tare.apply(make_block(tension_n[i : i + 7], start + i, **options))
@@ -71,7 +71,7 @@ def test_it_is_refused_with_the_reason_and_changes_nothing(tension_n, code, name
     assert not tare.note_restart(NOW_NS)
     feed(tare, noise(0.2))
     assert tare.measure(NOW_NS).samples == 50
-    assert tare.note_restart(NOW_NS)  # a restart clears the tare
+    assert tare.note_restart(NOW_NS)  # True, because it has cleared a tare
     assert tare.value.samples == 0
     feed(tare, tension_n)
     with pytest.raises(TareError, match=named) as refusal:

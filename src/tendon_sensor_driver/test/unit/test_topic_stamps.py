@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The time of samples that arrive as messages: order, gaps, steps, rate; without ROS."""
+"""Times of samples from a topic: order, missing samples, clock steps, and rate."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -19,7 +19,7 @@ MILLISECOND_NS = 1_000_000
 
 
 def place_all(clock, stamps_ns, delay_ns=300_000):
-    """Return the instants of samples that arrive after a delay; None for dropped samples."""
+    """Place samples that all have the same delay; return `Instant`, or None if dropped."""
     return [clock.place(stamp_ns, stamp_ns + delay_ns) for stamp_ns in stamps_ns]
 
 
@@ -56,7 +56,7 @@ def test_duplicates_and_late_samples_have_no_place_and_are_counted():
     placed = [i for i, instant in zip(order, instants, strict=True) if instant is not None]
     assert placed == [0, 1, 3, 4, 6, 7]
     assert (clock.duplicates, clock.late_samples, clock.outliers) == (3, 2, 0)
-    # A late sample was already counted as lost and is dropped.
+    # The late samples 2 and 5 are dropped, and count as lost before samples 3 and 6.
     assert count_lost(instants) == [0, 1, 0, 1, 0]
 
 
@@ -87,8 +87,7 @@ def test_a_clock_of_the_publisher_that_is_set_is_followed_after_one_sample(step_
         START_NS + i * PERIOD_NS + step_ns for i in range(3001, 3100)
     ]
     assert count_lost(instants) == [0] * 98
-    # The error of the stamps may be as large as the difference between the publisher's clock and
-    # the host's clock.
+    # The difference between the clocks of publisher and host is part of the stated error.
     assert instants[-1].stamp_error_s == pytest.approx(abs(step_s), abs=0.001)
 
 
@@ -106,7 +105,7 @@ def test_a_clock_of_both_that_is_set_keeps_the_bound_on_the_error(step_s):
 
 def test_a_queue_that_waits_and_empties_is_no_step_and_loses_nothing():
     clock = StampClock(PERIOD_NS)
-    first_ns = START_NS + 500 * MILLISECOND_NS  # the first samples were not taken earlier
+    first_ns = START_NS + 500 * MILLISECOND_NS  # arrival of the samples that have waited
     instants = []
     for i in range(2000):
         stamp_ns = START_NS + i * PERIOD_NS
@@ -130,7 +129,7 @@ def test_the_bound_on_the_error_is_that_of_the_last_ten_seconds():
 
 
 def stamp_late(count, late_at):
-    """Return stamps of messages that are sent up to two periods late now and then."""
+    """Return regular stamps, apart from late stamps at the indices ``late_at``."""
     late_ns = {i: round(1.6 * PERIOD_NS) for i in late_at}
     late_ns |= {i + 1: round(0.7 * PERIOD_NS) for i in late_at}
     return [START_NS + i * PERIOD_NS + late_ns.get(i, 0) for i in range(count)]
@@ -146,7 +145,7 @@ def test_a_publisher_that_stamps_late_has_irregular_stamps_and_loses_nothing(has
         instants.append(clock.place(stamp_ns, stamp_ns + 300_000))
     assert None not in instants
     assert clock.irregular_stamps >= len(late_at)
-    # If messages have no numbers, it is unknown whether one is missing.
+    # Without sequence numbers, the irregular stamps also count as lost messages.
     assert (sum(count_lost(instants)) == 0) == has_numbers
 
 
@@ -161,7 +160,7 @@ def test_numbers_tell_lost_messages_and_pauses_from_irregular_stamps():
     lost = count_lost(instants)
     assert (lost[49], lost[79], sum(lost)) == (1, 5, 6)
     assert clock.irregular_stamps == 0
-    clock.note_reconnection()  # another publisher has its own numbers
+    clock.note_reconnection()  # another publisher, with other sequence numbers
     clock.number = 100
     instants.append(clock.place(stamp_ns + 2 * PERIOD_NS, stamp_ns + 2 * PERIOD_NS + 300_000))
     assert count_lost(instants)[-1] == 1
@@ -170,7 +169,7 @@ def test_numbers_tell_lost_messages_and_pauses_from_irregular_stamps():
 def test_without_stamps_arrivals_are_the_time_and_numbers_tell_the_gaps():
     clock = StampClock(PERIOD_NS)
     instants = []
-    for number in (5, 6, 9, 9, 10, 2, 3):  # two publishers at the end
+    for number in (5, 6, 9, 9, 10, 2, 3):  # 2 and 3 are from another publisher
         clock.number = number
         instants.append(clock.place(None, START_NS))
     assert count_lost(instants) == [0, 2, 0, 0, 0, 0]
@@ -179,7 +178,7 @@ def test_without_stamps_arrivals_are_the_time_and_numbers_tell_the_gaps():
     clock.note_reconnection()
     clock.number = 100
     again = clock.place(None, START_NS + 10)
-    # A message with a stamp in between interrupts the times but not the numbers.
+    # A change between messages with and without stamps counts as a step, not as lost messages.
     stamped = clock.place(START_NS + 20, START_NS + 20)
     clock.number = 200
     arrived = clock.place(None, START_NS + 30)
@@ -243,14 +242,14 @@ def test_the_measured_rate_is_that_of_the_samples_whatever_is_lost(rate_hz, jitt
         START_NS + round((i + draw.uniform(-jitter, jitter)) * 1e9 / rate_hz) for i in numbers
     ]
     measured = Fraction(measure_rate_hz(times_ns, is_regular=True))
-    # the bound covers the jitter of both ends and one period
+    # The tolerance covers the jitter of the first and the last stamp, and one wrong period.
     assert abs(measured / Fraction(rate_hz) - 1) < 0.005
 
 
 def test_arrivals_in_bursts_are_counted():
     times_ns = [START_NS + (i // 20) * 20_000_000 for i in range(2001)]
     assert measure_rate_hz(times_ns, is_regular=False) == pytest.approx(1000.0)
-    # The same for stamps in bursts, of a publisher that catches up after a pause.
+    # The stamps of a publisher that pauses and then sends several messages give the same rate.
     times_ns = [START_NS + (i // 20) * 20_000_000 + (i % 20) * 100_000 for i in range(2001)]
     assert measure_rate_hz(times_ns, is_regular=True) == pytest.approx(1000.0)
     assert measure_rate_hz([5, 5, 5], is_regular=True) == 0.0
