@@ -160,7 +160,7 @@ def run_all(
 
     def run_beside() -> tuple[list[Outcome], Tested | None]:
         rules = check_rules(workspace, low) if with_rules else []
-        # The output is printed at the end, because it would mix with that of the other tests.
+        # The output is printed at the end, so that it is not mixed with other output.
         tested = run_pytest(workspace, 'computing', computing, cores, expression, low)
         return rules, tested
 

@@ -191,7 +191,7 @@ class SensorClient(ABC):
     # -- for subclasses ------------------------------------------------------------------
 
     def _make_health(self, stream: Stream[Any] | None, **values: Any) -> SensorHealth:
-        """Return the fields that all sensors have, and ``values`` for the other fields."""
+        """Return the health; ``values`` are the fields that not all kinds of sensor have."""
         # The time is derived from the monotonic clock, because the host's clock can be set.
         heard_at_ns = self._host_ns() - (time.monotonic_ns() - self._heard_monotonic_ns)
         common: dict[str, Any] = {'reconnects': self._reconnects, 'last_error': self._last_error}

@@ -335,7 +335,8 @@ class SampleClock:
     def _continues_outlier(self, time_ns: int, received_at_ns: int, slack_ns: int) -> bool:
         """Return True if this sample confirms the previous outlier; else count it as an outlier.
 
-        If two outliers in a row agree with each other, the device's clock was restarted or set.
+        If two outliers in a row agree with each other, the clock of the device or of the publisher
+        was restarted or set.
         """
         before, self._outlier = self._outlier, (time_ns, received_at_ns)
         if before is not None and 0 < time_ns - before[0] <= received_at_ns - before[1] + slack_ns:
@@ -367,11 +368,11 @@ class DeviceClock(SampleClock):
     """Converts the device time of samples to ROS time.
 
     The stamp of a sample is its device time plus an offset, which follows the offset that
-    `ClockSkewFilter` estimates. It changes by at most 1/20 of the elapsed device time. Therefore,
-    the difference of two stamps equals the difference of their device times within 6 %, and
-    stamps never decrease. There are two exceptions. `note_step` shifts the offset immediately
-    when the host's clock was set. If the estimated offset rises by more than 1 s without such a
-    step, the clock of the device has paused, and the stamps jump forward.
+    `ClockSkewFilter` estimates. The used offset changes by at most 1/20 of the elapsed device
+    time. Therefore, the difference of two stamps equals the difference of their device times
+    within 6 %, and stamps never decrease. There are two exceptions. `note_step` shifts the offset
+    immediately when the host's clock was set. If the estimated offset rises by more than 1 s
+    without such a step, the clock of the device has paused, and the stamps jump forward.
 
     The stated error of a stamp is the sum of one tick, the distance of the offset from the
     estimated offset, and the error of the estimate. It is unknown during the first five seconds.

@@ -349,7 +349,7 @@ def encode_reading(
 
 
 LONGEST_DELIVERY_NS = 250_000_000
-"""Longest time of a call of ``on_block`` for which no received bytes can be lost [ns]."""
+"""If ``on_block`` runs for longer than this [ns], received bytes can be lost."""
 
 _DROP_S = 0.05
 _LONGEST_READ_S = 0.1  # short, because `close` waits for the end of a read

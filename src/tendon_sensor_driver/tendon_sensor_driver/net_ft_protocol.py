@@ -41,7 +41,7 @@ _UNITS = {
         'kN-m': 1e3,
     },
 }
-"""Newtons or newton metres per unit. The order is that of ATI's unit codes, from 1."""
+"""Newtons or newton metres per unit. The units are in the order of ATI's codes 1, 2 and so on."""
 
 
 def unit_of_code(kind: str, code: int) -> str:

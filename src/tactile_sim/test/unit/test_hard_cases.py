@@ -121,7 +121,7 @@ def _release(times_s):
 
 
 def long_hold():
-    """After a press of ten minutes, the tension equals that of a scene without relaxation."""
+    """After a press of ten minutes, the tension is the same as without relaxation and creep."""
     branches = (Branch(240.0, 3.0), Branch(100.0, 30.0))
     scene = dataclasses.replace(
         object_scene(Body(60.0, branches, 0.0, 0.0), tendon_friction=0.0), friction=0.0
@@ -230,7 +230,7 @@ GUIDE_M = 0.060 + ramp(TIMES_S, 0.03, 0.0, 0.002, 0.05)
 
 
 def check(scene):
-    """Check that all values are finite, and that the tension is that of the tendon's spring."""
+    """Check that all values are finite, and that the tension fits the stretch of the tendon."""
     try:
         trusted_nm = TRUSTED_NM if scene.inertia else 0.0
         result = run(scene, 1 / 600, TENDON_M, GUIDE_M, trusted_nm=trusted_nm)
