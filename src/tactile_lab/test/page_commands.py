@@ -24,7 +24,7 @@ FENCE = re.compile(r'^( *)```(\w*)\n(.*?)^\1```$', re.MULTILINE | re.DOTALL)
 FILE_NAME = re.compile(r'# ([\w./-]+\.(?:py|yaml))\b')
 
 UNTIL_CTRL_C = re.compile(r'tactile (hand|sense|rig|watch)\b')
-"""Commands that keep running in one terminal while the next commands run in another one."""
+"""Pattern of commands that run until Ctrl-C, while other commands run in a second terminal."""
 
 NOT_RUN = {
     r'tactile demo|\./tactile demo': 'minutes of real time: test_demo.py',
@@ -57,7 +57,7 @@ NOT_RUN = {
 """Patterns of commands that are not run, with the reason and the tests that cover them."""
 
 FAILS = {'tactile import trial.csv --label pla': 2}
-"""Commands that fail on their page, which shows the remedy. The values are their exit codes."""
+"""Exit codes of commands that fail on purpose, because their page explains the failure."""
 
 
 TIMEOUT_S = 300.0
@@ -66,7 +66,7 @@ TIMEOUT_S = 300.0
 
 @dataclass
 class Command:
-    """A command, and the output of it that its page shows."""
+    """A command of a page, and the lines of its output that the page shows."""
 
     text: str
     shown: list[str] = field(default_factory=list)
@@ -143,7 +143,7 @@ class Terminal:
 
     @contextmanager
     def running(self, command):
-        """Run a command, and end it with Ctrl-C at the end of the block."""
+        """Run a command during a ``with`` block, and end it with Ctrl-C after the block."""
         log = self.folder.with_name(f'{time.monotonic_ns()}.log')
         with log.open('w') as output:
             process = self._start(f'exec {command.text}', output)

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Small SIMULATED recordings and models with the names that how-to pages use.
+"""Small SIMULATED recordings and models on which the commands of how-to pages are tested.
 
-How-to pages use files of the reader, or recordings that take minutes to make. In the test, their
-commands run on these small files instead, in order, in a folder per page.
+The pages use files of the reader, or recordings that take minutes to make. In the test, small
+files have their names. The commands of a page run in order, in a separate folder.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Recordings:
     texture : Path
         Bag of two plates, with 4 trials on each in two sessions.
     old, new : Path
-        Bags of all plates, with one trial on each in two sessions. The trials of ``new`` differ.
+        Bags with one trial on each plate in each of two sessions. ``new`` has other trials.
     holds : dict of str to Path
         A bag of stiffness trials for each object.
     grooves : Path
@@ -44,9 +44,10 @@ class Recordings:
 
 
 def keep(chosen, speeds=None):
-    """Return a function for ``rewrite`` that keeps the trials whose id matches a pattern.
+    """Return a function for ``rewrite`` that keeps the trials whose id matches ``chosen``.
 
-    If ``speeds`` [m/s] is given, its values replace the sliding speeds of the trials in turn.
+    If ``speeds`` [m/s] is given, the sliding speeds of the trials are replaced by its values in
+    turn.
     """
     speed_of = {}
 
@@ -64,7 +65,7 @@ def keep(chosen, speeds=None):
 
 
 def make_fabrics(folder, recordings):
-    """Write an archive like fabric_slide.npz: 4 speeds, 3 forces, 2 repetitions of 2 labels."""
+    """Write a NumPy archive that has the arrays and columns of the real fabric_slide.npz."""
     speed, force, label, _ = np.array(
         np.meshgrid([10.0, 20.0, 50.0, 100.0], [1.0, 2.0, 3.0], [0, 1], [0, 1])
     ).reshape(4, -1)
@@ -109,7 +110,7 @@ def _glide(pitch_hz, rng):
 
 
 def make_lab(folder, recordings):
-    """Write tables with a German number format: 8 trials of each of 3 labels."""
+    """Write 24 CSV files with a German number format: 8 trials for each of 3 labels."""
     rng = np.random.default_rng(2)
     head = 'Versuch 1\nDMS 3\n\nZeit [ms];Kraft [N];Temperatur [°C]\n'
     for number in range(24):
@@ -123,13 +124,13 @@ def make_lab(folder, recordings):
 
 
 def make_trial(folder, recordings):
-    """Write a table in which the unit of the times is not stated."""
+    """Write a CSV file whose column of times does not state its unit."""
     rows = [f'{10 * i},{1.5 + i % 3}' for i in range(300)]
     (folder / 'trial.csv').write_text('time,force_n\n' + '\n'.join(rows) + '\n')
 
 
 def make_new(folder, recordings):
-    """Write a table of two trials: one of a trained label, and one of an unknown object."""
+    """Write a CSV file with two trials: one on a trained object, and one on an unknown object."""
     rng = np.random.default_rng(3)
     rows = [
         f'{trial},{i / 60:.6f},{force}'
@@ -140,7 +141,10 @@ def make_new(folder, recordings):
 
 
 def place(*names):
-    """Return a function that copies bags or a model file to the names on a page."""
+    """Return a function that copies test recordings to the paths that a page uses.
+
+    Each of ``names`` is an attribute of `Recordings` or an object label, ``=``, and a path.
+    """
 
     def copy(folder, recordings):
         for name in names:
@@ -179,8 +183,8 @@ FILES = {
     ('your_data.md', 'tactile classify new'): make_new,
     ('your_data.md', 'tactile show models'): place('model=models/texture_flexion.npz'),
 }
-"""For each page and the first command that needs certain files, the function that makes the files.
-Each function runs once."""
+"""Functions that make files. Each one runs once, before the first command on a page that matches
+its pattern."""
 
 
 def make_files(page, command, folder, recordings, done):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `tactile` command, in the process of the test (faster by a second) or in a separate one."""
+"""Functions that run the `tactile` command in the process of the test or in a separate process."""
 
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 import io
@@ -19,15 +19,15 @@ QUICK = 'trial_runner:\n  ros__parameters:\n    approach_speed_m_s: 0.1\n'
 """A parameter file for short trials. The finger approaches the object quickly."""
 
 SHORT_HOLD = QUICK + '    hold_s: 2.8\n'
-"""A parameter file for short trials without models. The hold is as short as the stiffness window
-of 2.6 s allows."""
+"""A parameter file for trials with a short hold phase, which barely contains the window of the
+stiffness features. Models need trials with the usual hold phase."""
 
 
 def tactile(*arguments):
     """Run the command; return exit code, stdout and stderr, as `subprocess.run` does."""
     from tactile_lab.program import app
 
-    # CliRunner is not used, because old versions of Click mix the two streams.
+    # Click's CliRunner is not used, because in old versions it mixes stdout and stderr.
     stdout, stderr = io.StringIO(), io.StringIO()
     with redirect_stdout(stdout), redirect_stderr(stderr), pytest.raises(SystemExit) as ended:
         get_command(app).main([*map(str, arguments)], prog_name='tactile')
@@ -37,18 +37,18 @@ def tactile(*arguments):
 
 
 def answer_of(*arguments):
-    """Run the command with ``--json``; return its exit code and its result."""
+    """Run the command with ``--json``; return its exit code and the parsed standard output."""
     done = tactile(*arguments, '--json')
     return done.returncode, json.loads(done.stdout)
 
 
 def ask_tactile(*arguments):
-    """Run the command with ``--json``, which must succeed; return its result."""
+    """Run the command with ``--json``, which must succeed; return the parsed standard output."""
     return ask_and_hear_tactile(*arguments)[0]
 
 
 def ask_and_hear_tactile(*arguments):
-    """Run the command with ``--json``; return its result and its other output."""
+    """Run the command with ``--json``; return the parsed standard output and standard error."""
     done = tactile(*arguments, '--json')
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), ' '.join(done.stderr.split())
@@ -63,7 +63,7 @@ def hear_tactile(*arguments, code=0):
 
 
 def let_rigs_home_fast(set_attribute):
-    """Let every rig that is started later home fast; ``set_attribute`` is monkeypatch.setattr."""
+    """Shorten the homing of all rigs started later. ``set_attribute`` is monkeypatch.setattr."""
     from tactile_testing.simulated_rigs import (
         home_fast,  # imported here, because tests of the wheel do not have this package
     )
@@ -79,7 +79,7 @@ def let_rigs_home_fast(set_attribute):
 
 @contextmanager
 def program(*arguments):
-    """Run the command in a separate process, with fast homing; end it with the block."""
+    """Run the command with fast homing in a separate process, which is killed after the block."""
     process = subprocess.Popen(
         [sys.executable, __file__, *map(str, arguments)],
         stdout=subprocess.PIPE,

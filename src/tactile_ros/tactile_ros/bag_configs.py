@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the bag recorder and the bag player; independent of ROS."""
+"""Parameters of the bag recorder and the bag player. This module does not import ROS."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def boot_time_s() -> float:
 
     On systems without such a clock, return the monotonic time; suspends are then not detected.
     """
-    clock = getattr(time, 'CLOCK_BOOTTIME', None)  # Linux
+    clock = getattr(time, 'CLOCK_BOOTTIME', None)  # exists only on Linux
     return time.monotonic() if clock is None else time.clock_gettime(clock)
 
 

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Configuration of a node: a frozen dataclass in which each field is a parameter.
+"""Configuration of a node as a frozen dataclass, in which each field is a ROS parameter.
 
-Metadata of a field: ``description``, and optionally ``unit``; ``range``, including both ends;
-``choices``; and ``live``, True if the parameter may change at any time. The elements of a tuple
-whose default is empty are strings.
+The metadata of a field contain ``description``, and optionally ``unit``, ``range`` (its first and
+last allowed value), ``choices``, and ``live``, which is True if the parameter can be changed while
+the node is configured. If the default of a field is an empty tuple, its elements are strings.
 """
 
 from __future__ import annotations
@@ -15,12 +15,15 @@ from typing import Any
 
 
 def parameter(default: Any, description: str, **metadata: Any) -> Any:
-    """Return a dataclass field that a node declares as a parameter; see this module."""
+    """Return a dataclass field that a node declares as a parameter.
+
+    The docstring of this module describes the metadata.
+    """
     return dataclasses.field(default=default, metadata={'description': description, **metadata})
 
 
 def find_violation(field: dataclasses.Field[Any], value: Any) -> str | None:
-    """Return why a value is not allowed for a field, with the allowed values, or None."""
+    """Return a text that states why a value is not allowed for a field; None if it is allowed."""
     if 'range' in field.metadata:
         low, high = field.metadata['range']
         if not low <= value <= high:

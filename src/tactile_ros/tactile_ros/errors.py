@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Exceptions that several packages share; independent of ROS."""
+"""Exceptions that several packages share. This module does not import ROS."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ class TactileError(Exception):
 
 @contextmanager
 def named_errors(task: str, path: Path) -> Iterator[None]:
-    """Convert an OSError to a `TactileError` that names the task and the path."""
+    """Convert an OSError of the ``with`` block to a `TactileError` with the task and the path."""
     try:
         yield
     except OSError as error:

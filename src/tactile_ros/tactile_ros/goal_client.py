@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Goals and service calls that survive the loss of an answer.
+"""Action goals and service calls that still work if an answer of the server is lost.
 
 A client may discover a server before the server has discovered the client. Fast DDS then waits
 0.1 s for the client and drops the answer to a request that has already been executed (rclpy warns:
@@ -11,9 +11,10 @@ moment (https://github.com/eProsima/Fast-DDS/pull/6371). Therefore:
 
 - The client chooses the id of a goal. The status topic of the action shows that a goal was
   accepted, even if the answer was lost.
-- A result is requested again when the status shows that the goal has ended, and every `ASK_S`.
-  The server keeps results for 15 minutes. After the end of the goal, every second repetition is
-  sent by a new client, because the server may never have discovered the present one.
+- The result of a goal is requested every `ASK_S`, and more often once the status topic shows that
+  the goal has ended. The server keeps results for 15 minutes. If it does not answer two requests
+  after the end of the goal, a new client is created, because the server may never have discovered
+  the previous client.
 - A goal is never sent twice, and a service call is repeated only if executing it twice is
   harmless.
 
@@ -50,16 +51,16 @@ A server that has been restarted answers that it does not know the goal.
 """
 
 GONE_S = 2.0
-"""If there is no action server for this time [s], its goals are lost."""
+"""A goal is given up as lost if there has been no action server for this time [s]."""
 
 TAKE_S = 30.0
-"""Time after which a goal that no server has accepted is lost [s]."""
+"""A goal is given up as lost if no server has accepted it within this time [s]."""
 
 REPEAT_S = 1.0
 """Period with which a service that has not answered is called again [s]."""
 
 POLL_S = 0.02
-"""Period of the check for an action server [s]."""
+"""Time between two checks for an action server while the caller waits for it [s]."""
 
 ENDED = (
     GoalStatus.STATUS_SUCCEEDED,
@@ -94,7 +95,7 @@ class SentGoal:
         self._client = client
         self._status = GoalStatus.STATUS_UNKNOWN
         self._is_cancelled = False
-        self._lost_count = 0  # number of lost answers to requests for the result
+        self._lost_count = 0  # number of requests for the result that were not answered
         self._asked_s = self._there_s = self._sent_s = time.monotonic()
 
     def cancel(self) -> None:
@@ -105,7 +106,7 @@ class SentGoal:
     # -- on the executor's thread ----------------------------------------------------------
 
     def on_answer(self, future: Future) -> None:
-        """Handle the answer to the goal."""
+        """Handle the server's answer that it has accepted or rejected the goal."""
         if self.taken.done():
             return
         if (error := future.exception()) is not None:
@@ -116,7 +117,7 @@ class SentGoal:
             self.on_status(GoalStatus.STATUS_ACCEPTED)
 
     def on_status(self, status: int) -> None:
-        """Handle the goal's status, which implies that the goal was accepted."""
+        """Handle a published status of the goal. A goal with a status has been accepted."""
         self._status = max(self._status, status)
         if not self.taken.done():
             self.taken.set_result(True)
@@ -148,7 +149,7 @@ class SentGoal:
             self._ask()
 
     def lose(self, reason: str) -> None:
-        """Give up the goal."""
+        """Mark the goal as lost: its result raises `GoalLostError` with this reason."""
         if not self.end.done():
             self.end.set_exception(GoalLostError(reason))
         if not self.taken.done():
@@ -176,9 +177,9 @@ class SentGoal:
 
 
 class GoalClient:
-    """A client of one action; see this module.
+    """A client of one action that still works if an answer of the server is lost.
 
-    The node must be spun by an executor on another thread than the caller's.
+    An executor on another thread than the caller's must spin the node.
     """
 
     def __init__(self, node: Node, action_type: Any, name: str) -> None:
@@ -188,7 +189,7 @@ class GoalClient:
         self._connected_s = -math.inf
         self._is_closed = False
         self.ros = self._connect()
-        """Present client of rclpy, for the executor's thread."""
+        """The rclpy client that is used at present, only on the executor's thread."""
         self._looks = SLOW_CALLS.every(LOOK_S, self.look_soon)
 
     def close(self) -> None:
@@ -237,13 +238,13 @@ class GoalClient:
         return goal
 
     def send_unwatched(self, message: Any) -> None:
-        """Send a goal without tracking it. Must be called on the executor's thread."""
+        """Send a goal whose status and result are ignored; call it on the executor's thread."""
         self.ros.send_goal_async(message)
 
     # -- for the goals -----------------------------------------------------------------------
 
     def look_soon(self) -> None:
-        """Check all goals on the executor's thread."""
+        """Schedule a check of all goals on the executor's thread."""
         if self._goals:
             with suppress(RuntimeError):  # the process is ending
                 run_on_executor(self._node, self._look)

@@ -36,7 +36,10 @@ def wait_for(future: Future, timeout_s: float) -> Any:
 
 
 class GoalEnd(Exception):  # noqa: N818 - an outcome of a goal, not a fault of the program
-    """Base class of exceptions that end a goal early; ``fields`` are further result fields."""
+    """Base class of exceptions that end a goal early.
+
+    ``message`` and ``fields`` become fields of the goal's result.
+    """
 
     def __init__(self, message: str, **fields: Any) -> None:
         super().__init__(message)
@@ -44,24 +47,24 @@ class GoalEnd(Exception):  # noqa: N818 - an outcome of a goal, not a fault of t
 
 
 class GoalAborted(GoalEnd):
-    """Ends a goal as aborted."""
+    """Exception that ends a goal with the state ABORTED."""
 
 
 class GoalCanceled(GoalEnd):
-    """Ends a goal as cancelled, or as aborted if no client has requested the cancellation."""
+    """Exception that ends a goal with the state CANCELED, or ABORTED if no client cancelled it."""
 
 
 class Goal:
-    """A running goal, as the function that executes it sees it.
+    """A running goal, which is passed to the function that executes it.
 
-    If a ``watch`` is given, the goal ends early after a standstill of the process.
+    If a ``watch`` is passed, the goal ends early after a period in which the process was stopped.
 
     Attributes
     ----------
     request
         The goal message.
     end_reason : Refusal or None
-        Why the goal must end early, unless the end was requested.
+        Why the goal must end early; None if a client or the node has requested its end.
     """
 
     def __init__(
@@ -86,7 +89,7 @@ class Goal:
 
     @property
     def end_requested(self) -> bool:
-        """True if the goal must end early."""
+        """True if the goal must end early, because of a request or a stop of the process."""
         last = self._watch.look() if self._watch is not None else None
         if last is not None and last.end_s > self._began_s and self.end_reason is None:
             self.end_reason = _refuse_after(last)
@@ -114,9 +117,9 @@ def _refuse_after(standstill: Standstill) -> Refusal:
 class GoalRunner:
     """An action server that runs one goal at a time on a separate thread.
 
-    A goal that is refused, or arrives while another goal runs, is aborted with the reason in its
-    result, because a rejection could not carry a reason. A goal ends early after a standstill of
-    the process, and a goal that may have been sent during the standstill is refused.
+    A goal that is refused, or that arrives while another goal runs, is accepted and then aborted,
+    because only the result of a goal can contain the reason. If the process was stopped for some
+    time (a standstill), the running goal ends early, and new goals are refused for a moment.
 
     Parameters
     ----------
@@ -158,7 +161,7 @@ class GoalRunner:
         self._looks = node.call_every(LOOK_S, self._look)
         self._lock = threading.Lock()
         self._goal: Goal | None = None
-        self._ended = Future()  # done when the running goal has ended
+        self._ended = Future()  # completed at the end of the running goal
         self._thread: threading.Thread | None = None
         self._server = ActionServer(
             node,
@@ -172,7 +175,7 @@ class GoalRunner:
 
     @property
     def is_busy(self) -> bool:
-        """True while a goal runs, or has ended and its result has not been sent yet."""
+        """True from the start of a goal until its result is sent."""
         return self._goal is not None
 
     def end_goal(self) -> None:
@@ -268,15 +271,15 @@ class GoalRunner:
         if not isinstance(outcome, Exception):
             handle.succeed()
             return outcome
-        # Checked on the executor's thread, which also handles cancel requests. A client that has
-        # requested the cancellation gets the state CANCELED, even if the work failed before.
+        # This runs on the executor's thread, which also handles cancel requests. If a client has
+        # requested the cancellation, the state is CANCELED, even if the work has failed before.
         if isinstance(outcome, GoalEnd) and handle.is_cancel_requested:
             handle.canceled()
         else:
             handle.abort()
         if not isinstance(outcome, GoalEnd):
             self._node.get_logger().error(f'goal failed: {outcome}')
-        # If the work does not use `Goal.check`, its message lacks the reason of the end.
+        # Add why the goal ended early, unless the exception of `Goal.check` already states it.
         message = str(outcome)
         reason = None if self._goal is None else self._goal.end_reason
         if reason is not None and str(reason) not in message:

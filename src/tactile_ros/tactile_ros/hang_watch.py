@@ -7,8 +7,8 @@ A process that is stopped (``SIGSTOP``), or whose threads block, reacts only to 
 launch restarts a node only after it has died. The node therefore starts this file as a child
 process, to which its worker writes through a pipe in each cycle. The child ends when the pipe is
 closed. It imports only a few core modules, needs 4 MB, and wakes up about eight times a second.
-It runs in a separate session, so that neither Ctrl-Z nor a signal to the parent's process group
-stops both.
+It runs in a separate session, so that Ctrl-Z, or a signal to the parent's process group, does not
+stop it together with the parent.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ import threading
 import time
 
 _ALLOWANCE = struct.Struct('d')
-"""Format of a message: longest time until the next message [s]; infinite for the last one."""
+"""Format of a message through the pipe: the longest time until the next message [s], which is
+infinite if no further message is expected."""
 
 _SLICES = 4
 """Number of parts into which the child divides a timeout. A part that takes too long still counts
@@ -31,13 +32,13 @@ as one part: if the child did not get a core, the parent may not have got one ei
 
 
 class HangWatch:
-    """Starts the watchdog process and feeds it.
+    """Starts the watchdog process, and tells it that the worker of this process still runs.
 
     Parameters
     ----------
     timeout_s : float
-        Time without a call of `feed` after which this process is killed [s]. It starts with the
-        first call.
+        This process is killed if `feed` is not called for this time [s]. The time is measured
+        from the first call of `feed`.
     """
 
     def __init__(self, timeout_s: float) -> None:
@@ -48,8 +49,8 @@ class HangWatch:
         self._lock = threading.Lock()
         reader, writer = os.pipe()
         self._writer: int | None = writer
-        os.set_blocking(writer, False)  # a hanging child must not block the worker
-        # The child inherits the mask: signals that end the parent must not end the watchdog.
+        os.set_blocking(writer, False)  # so that a hanging child cannot block the worker
+        # The child inherits the signal mask, so signals that end the parent do not end the child.
         blocked = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         try:

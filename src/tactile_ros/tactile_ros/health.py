@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Diagnostics, readiness, and heartbeats by DDS liveliness."""
+"""Diagnostics, readiness and heartbeats of nodes. Heartbeats use the liveliness QoS of DDS."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ class Diagnostics:
     hardware_id : callable
         Returns an identifier of the hardware.
     provider : callable
-        Returns the present `Health`. It is called on the thread of periodic calls, and by
-        `publish`. It must not take the lock of a stage, because the holder of that lock may wait
-        for `close`.
+        Returns the present `Health`. It is called by `publish`, on the thread of periodic calls
+        or on the caller's thread. It must not acquire the lock of a `StageNode`: a thread that
+        holds this lock may wait in `close`.
     """
 
     def __init__(
@@ -77,11 +77,11 @@ class Diagnostics:
         self._calls = call_every(PERIOD_S, self.publish)
 
     def publish(self) -> None:
-        """Publish immediately."""
+        """Publish the present health immediately."""
         with self._lock:
             if self._is_closed or not self._node.context.ok():
                 return
-            health = self._provider()  # called even without subscribers: it may count events
+            health = self._provider()  # also without subscribers, because it may count events
             if self._publisher.get_subscription_count():
                 self._publisher.publish(self._to_message(health))
 
@@ -110,7 +110,7 @@ class Diagnostics:
         with self._lock:
             if not self._is_closed:
                 self._is_closed = True
-                del self._provider, self._hardware_id  # avoid references to the owner
+                del self._provider, self._hardware_id  # break reference cycles
                 self._node.destroy_publisher(self._publisher)
 
 
@@ -125,13 +125,13 @@ class ReadinessPublisher:
     node : TactileNode
         The node.
     find_missing : callable
-        Returns a sentence for each thing that is missing. It is called five times a second on the
-        thread of periodic calls, and by `update`, but not after `close` has returned.
+        Returns a sentence for each condition that the node still waits for. It is called five
+        times a second on the thread of periodic calls, and by `update`, until `close` returns.
 
     Attributes
     ----------
     missing : list of str or None
-        The sentences published last; None before the first.
+        The sentences that were published last; None before the first message.
     """
 
     def __init__(self, node: TactileNode, find_missing: Callable[[], Sequence[str]]) -> None:
@@ -143,7 +143,7 @@ class ReadinessPublisher:
         self._calls = node.call_every(READY_PERIOD_S, self.update)
 
     def update(self) -> None:
-        """Publish if the missing things have changed."""
+        """Publish the readiness if the sentences of ``find_missing`` have changed."""
         with self._lock:
             if self._is_closed:
                 return
@@ -165,20 +165,25 @@ class ReadinessPublisher:
 
 
 LEASE_S = 0.15
-"""Lease that a heartbeat offers [s]; a subscription can request this or a longer lease."""
+"""Liveliness lease duration that a heartbeat publisher offers [s]. A subscription can request
+this duration or a longer one."""
 
 BEAT_PERIOD_S = 0.03
-"""Shortest period of a heartbeat [s]. Workers run every 17 or 20 ms: four beats per lease."""
+"""Shortest time between two heartbeats [s]. Because workers run every 17 or 20 ms, they publish
+about four heartbeats within `LEASE_S`."""
 
 
 _watch_numbers = itertools.count(1)
-"""Nanoseconds that each watch adds to its lease, so that all leases differ. Fast DDS informs
-readers with the same participant, topic and lease only about changes, so a second reader would
-never learn that the writer is alive."""
+"""Nanoseconds that each `HeartbeatWatch` adds to its lease duration, so that all durations differ.
+In Fast DDS, readers with the same participant, topic and lease share one state, of which only
+changes are reported. A second such reader would never be told that the writer is alive."""
 
 
 def heartbeat_qos(lease_s: float = LEASE_S, extra_ns: int = 0) -> QoSProfile:
-    """Return the QoS of a heartbeat topic whose lease is ``lease_s`` [s] plus ``extra_ns``."""
+    """Return the QoS of a heartbeat topic.
+
+    The liveliness lease duration is ``lease_s`` [s] plus ``extra_ns`` [ns].
+    """
     return QoSProfile(
         depth=1,
         reliability=ReliabilityPolicy.BEST_EFFORT,
@@ -188,7 +193,7 @@ def heartbeat_qos(lease_s: float = LEASE_S, extra_ns: int = 0) -> QoSProfile:
 
 
 class Heartbeat:
-    """Publisher of a heartbeat.
+    """Publishes a heartbeat: empty messages that show that the worker of a node is running.
 
     Parameters
     ----------
@@ -199,7 +204,7 @@ class Heartbeat:
     topic : str
         Name of the topic.
     lease_s : float
-        Lease that the publisher offers [s].
+        Liveliness lease duration that the publisher offers [s].
     """
 
     def __init__(
@@ -216,10 +221,10 @@ class Heartbeat:
         self._is_closed = False
 
     def beat(self) -> None:
-        """Publish a beat if the node is healthy and the last beat is `BEAT_PERIOD_S` old.
+        """Publish a message if the node is healthy and the last message is `BEAT_PERIOD_S` old.
 
-        Must be called in each cycle of the thread that does the work, because a separate thread
-        would continue if the work hangs.
+        Must be called in each cycle of the thread that does the work. A separate thread would
+        continue to publish when the work hangs.
         """
         now_s = time.monotonic()
         if now_s < self._due_s or not self._is_healthy():
@@ -237,11 +242,11 @@ class Heartbeat:
 
 
 class HeartbeatWatch:
-    """Watch of the liveliness of one heartbeat topic; thread-safe.
+    """Checks that exactly one publisher of a heartbeat topic is alive; thread-safe.
 
-    Exactly one publisher must be alive. Two live publishers mean two rigs in one ROS domain,
-    which would answer each other's goals. A killed publisher stays in the ROS graph for many
-    seconds, but is not alive after the lease.
+    Two live publishers mean that two rigs share one ROS domain, so that they would answer each
+    other's goals. A killed publisher is listed in the ROS graph for many seconds, but it is no
+    longer counted as alive after ``timeout_s``.
 
     Parameters
     ----------
@@ -250,9 +255,10 @@ class HeartbeatWatch:
     topic : str
         Name of the heartbeat topic.
     timeout_s : float
-        Silence after which a publisher is not alive [s]; at least the lease that it offers.
+        Time without a heartbeat after which a publisher is no longer alive [s]. It must not be
+        shorter than the lease duration that the publisher offers.
     rivals_only : bool
-        Report only a second publisher as a loss; the topic may be silent.
+        `find_loss` reports only a second publisher, and not the absence of publishers.
 
     Raises
     ------
@@ -293,13 +299,14 @@ class HeartbeatWatch:
 
     @property
     def was_heard(self) -> bool:
-        """True once a publisher was alive; always True for a topic that may be silent."""
+        """True once a publisher was alive; always True with ``rivals_only``."""
         return self._count_alive() > 0 or self._was_heard or self._rivals_only
 
     def find_loss(self, now_ns: int = 0) -> Refusal | None:
-        """Return why motion is not allowed, or None while exactly one publisher is alive.
+        """Return why motion is not allowed; None while exactly one publisher is alive.
 
-        ``now_ns`` is unused, because the middleware uses its own monotonic clock.
+        With ``rivals_only``, the result is also None while no publisher is alive. ``now_ns`` is
+        unused, because the middleware measures time with its own monotonic clock.
         """
         alive = self._count_alive()
         if alive > 1:
@@ -342,7 +349,7 @@ class HeartbeatWatch:
             return status is not None and status.total_count > 0
 
     def _describe_rivals(self, alive: int) -> Refusal:
-        """Return a refusal with the names of all publishers in the graph, dead ones included."""
+        """Return a refusal that names all publishers in the ROS graph, also killed ones."""
         known = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
         names = [f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in known]
         return Refusal(
@@ -353,19 +360,20 @@ class HeartbeatWatch:
 
 
 PRESENCE_LEASE_S, PRESENCE_PERIOD_S = 1.0, 0.3
-"""Lease and period of the heartbeat of a `Presence` [s]."""
+"""Liveliness lease duration [s] and period [s] of the heartbeat of a `Presence`."""
 
 
 class Presence:
-    """Heartbeat on ``~/presence`` of a node with servers, and a watch for a second such node.
+    """Publishes a heartbeat on ``~/presence``, and detects a second node with the same name.
 
-    ``~/heartbeat`` stops while the device is not usable, but the node then still receives goals.
-    If a second node has the same name, its answers to goals could hide the answers of the first.
+    A node with action servers needs this heartbeat, because ``~/heartbeat`` stops while its device
+    is not usable, but the node still receives goals. If two nodes had the same name, a client
+    could receive the answer of the wrong node.
 
     Attributes
     ----------
     rivals : HeartbeatWatch
-        Reports a loss while two nodes are present.
+        Its `find_loss` returns a refusal while two nodes with this name are running.
     """
 
     def __init__(self, node: TactileNode) -> None:
@@ -375,14 +383,14 @@ class Presence:
         self._calls = node.call_every(PRESENCE_PERIOD_S, self._beats.beat)
 
     def close(self) -> None:
-        """Destroy heartbeat and watch."""
+        """Destroy the publisher and the subscription."""
         self._calls.cancel()
         self._beats.close()
         self.rivals.close()
 
 
 def watch_rivals(node: Node, name: str) -> HeartbeatWatch:
-    """Return a watch that reports a loss while two nodes with this name have servers."""
+    """Return a watch whose `find_loss` reports two running nodes with the name ``name``."""
     return HeartbeatWatch(node, f'{name}/presence', PRESENCE_LEASE_S, rivals_only=True)
 
 

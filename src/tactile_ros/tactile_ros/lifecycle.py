@@ -83,7 +83,10 @@ class MessageGuard:
         self.refused.add(topic, reason)
 
     def wrap_publish(self, topic: str, publish: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a ``publish`` that counts and logs a message that cannot be published."""
+        """Return a replacement for a publisher's method ``publish``.
+
+        It counts and logs a message that cannot be published, instead of raising an exception.
+        """
 
         def guarded(message: Any) -> None:
             try:
@@ -100,12 +103,12 @@ class MessageGuard:
 
     @property
     def warning(self) -> str | None:
-        """Text of a warning during `SHOWN_S` after a message was refused or lost, or None."""
+        """Warning about a message that was refused or lost less than `SHOWN_S` ago, or None."""
         return self.refused.warning or self.unpublished.warning
 
     @property
     def values(self) -> dict[str, object]:
-        """Values for diagnostics: count and last reason; no values before the first fault."""
+        """Values for diagnostics: the number of faults of each kind, and the last reason."""
         values: dict[str, object] = {}
         if self.refused.count:
             values['refused_messages'] = self.refused.count
@@ -148,7 +151,7 @@ class MessageFaults:
 
     @property
     def warning(self) -> str | None:
-        """Text of a warning during `SHOWN_S` after a fault, or None."""
+        """Warning about the last fault if it happened less than `SHOWN_S` ago, or None."""
         if self._at_s is None or time.monotonic() - self._at_s > SHOWN_S:
             return None
         return f'{self._what} on {self.last_reason}'
@@ -229,7 +232,7 @@ def _find_violation(node: Node, field: dataclasses.Field[Any], parameter: Parame
         return violation
     if not node.is_configured or field.metadata.get('live'):
         return None
-    # An equal value is accepted, so that a file of parameters can be loaded again.
+    # An unchanged value is accepted, so that a parameter file can be loaded again.
     present = node.get_parameter_or(field.name, None)
     if present is not None and present.get_parameter_value() == parameter.get_parameter_value():
         return None
@@ -288,15 +291,16 @@ class TactileNode(LifecycleNode):
         Set by a node whose work has an end, such as a recording. The process then ends, with
         exit code 1 if ``has_failed`` is True.
     is_quiet : bool
-        Only requests wake the node's executor, so that several such nodes can share one.
+        Only requests wake the executor of the node, so that several such nodes can share one
+        executor.
     is_configured : bool
-        True from the start of configure to the end of cleanup. Meanwhile only live parameters
-        can change.
+        True from the start of configure to the end of cleanup. During this time, only parameters
+        that are marked as ``live`` can be changed.
     ending : threading.Event
         Set when the process must end. Long waits in ``set_up`` must wait for this event.
     message_guard : MessageGuard
-        Guards every subscription of the node: a callback may raise `MessageError`. It guards
-        every publisher, too.
+        Handles every `MessageError` that a subscription's callback raises, and every message that
+        a publisher of the node cannot publish.
     """
 
     is_finished = False
@@ -334,7 +338,7 @@ class TactileNode(LifecycleNode):
         return super().create_subscription(message_type, topic, guarded, *args, **opts)
 
     def create_publisher(self, message_type: Any, topic: str, *args: Any, **opts: Any) -> Any:
-        """Create a publisher that survives a message that cannot be published."""
+        """Create a publisher that logs a message that cannot be published, and continues."""
         publisher = super().create_publisher(message_type, topic, *args, **opts)
         publisher.publish = self.message_guard.wrap_publish(topic, publisher.publish)
         return publisher
@@ -342,7 +346,7 @@ class TactileNode(LifecycleNode):
     def create_lifecycle_publisher(
         self, message_type: Any, topic: str, *args: Any, **opts: Any
     ) -> Any:
-        """Create a lifecycle publisher that survives a message that cannot be published."""
+        """Create a lifecycle publisher that logs a message that cannot be published."""
         publisher = super().create_lifecycle_publisher(message_type, topic, *args, **opts)
         publisher.publish = self.message_guard.wrap_publish(topic, publisher.publish)
         return publisher
@@ -352,7 +356,7 @@ class TactileNode(LifecycleNode):
     ) -> Any:
         """Create a lifecycle publisher whose QoS can be overridden by parameters.
 
-        For example ``qos_overrides./tendon_sensor/strain.publisher.reliability``.
+        An example is ``qos_overrides./tendon_sensor/strain.publisher.reliability``.
         """
         return self.create_lifecycle_publisher(
             message_type,
@@ -437,8 +441,8 @@ class TactileNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         if any(runner.is_busy for runner in self.goal_runners):
-            # Waiting here would block the executor, which must send the result of the goal and
-            # may be needed for the goal to end.
+            # Do not wait for the goal here, because this would block the executor. The executor
+            # must send the result of the goal, and the goal may need the executor to end.
             self.get_logger().error(
                 'cannot clean up: a goal is still ending; try again when it has ended'
             )
@@ -456,14 +460,14 @@ class TactileNode(LifecycleNode):
     # -- use --------------------------------------------------------------------------
 
     def bring_up(self) -> bool:
-        """Configure and activate; return True on success, False also if the process is ending."""
+        """Configure and activate the node; return False if this fails or the process is ending."""
         for transition in (self.trigger_configure, self.trigger_activate):
             if self.ending.is_set() or transition() != TransitionCallbackReturn.SUCCESS:
                 return False
         return True
 
     def take_down(self) -> None:
-        """Stop, release everything and destroy the node, from any state."""
+        """Stop the node, release its resources and destroy it, in any lifecycle state."""
         try:
             self._stop_and_tear_down()
         finally:
@@ -473,7 +477,8 @@ class TactileNode(LifecycleNode):
         self._is_destroyed = True
         for periodic in self._periodics:
             periodic.cancel()
-        # The log level belongs to the name; reset it for the next node with this name.
+        # A log level is stored for the name of a node, so reset it for the next node with this
+        # name.
         self.get_logger().set_level(LoggingSeverity.UNSET)
         super().destroy_node()
         destroy_state_machine(self)

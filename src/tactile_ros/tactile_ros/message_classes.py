@@ -31,7 +31,7 @@ def message_class(type_name: str) -> Any:
 
 
 def time_to_msg(stamp_ns: int) -> Any:
-    """Return the ``builtin_interfaces/Time`` of a time [ns]."""
+    """Convert a time [ns] to a ``builtin_interfaces/Time``."""
     from builtin_interfaces.msg import Time
 
     sec, nanosec = divmod(stamp_ns, 1_000_000_000)
@@ -39,21 +39,21 @@ def time_to_msg(stamp_ns: int) -> Any:
 
 
 def time_from_msg(stamp: Any) -> int:
-    """Return the time of a ``builtin_interfaces/Time`` [ns]."""
+    """Return the nanoseconds of a ``builtin_interfaces/Time``."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def header_to_msg(stamp_ns: int, frame_id: str = '') -> Any:
-    """Return the ``std_msgs/Header`` of a time [ns] and a frame."""
+    """Return a ``std_msgs/Header`` with a time [ns] and the id of a frame."""
     from std_msgs.msg import Header
 
     return Header(stamp=time_to_msg(stamp_ns), frame_id=frame_id)
 
 
 def enum_from_msg(kind: type[_Enum], field: str, value: Any) -> _Enum:
-    """Return the constant of an enumeration; raise `MessageError` if there is none.
+    """Return the constant of the enumeration ``kind`` that has this value.
 
-    ``field`` is the name of the field with this ``value``.
+    Raise `MessageError` if there is no such constant. ``field`` is the name of the message field.
     """
     try:
         return kind(int(value))
@@ -63,10 +63,10 @@ def enum_from_msg(kind: type[_Enum], field: str, value: Any) -> _Enum:
 
 
 def copy_fields(msg: Any, record: Any, **converted: Any) -> Any:
-    """Return a record, a dataclass, of a message.
+    """Return an instance of the dataclass ``record`` with the contents of a message.
 
-    The record has the values in ``converted``. Its other fields are copied from the fields of the
-    message that have the same name.
+    ``converted`` has values of fields that were converted. The other fields are copied from the
+    fields of the message that have the same name.
     """
     names = [field.name for field in dataclasses.fields(record) if field.name not in converted]
     return record(**{name: getattr(msg, name) for name in names}, **converted)

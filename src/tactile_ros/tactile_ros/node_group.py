@@ -33,10 +33,11 @@ from tactile_ros.process import (
 from tactile_ros.rclpy_internals import Executor, RCLError
 
 REST_TIMEOUT_S = 3.0
-"""Longest wait at the end of a process for running goals to end [s]."""
+"""Longest time for which the end of a process waits until running goals have ended [s]."""
 
 PEERS_END_S = 0.4
-"""Time for which the DDS participant is kept after its node was destroyed [s]; see `run_node`."""
+"""Time between the destruction of a node and the destruction of its DDS participant [s]. See
+`run_node` for the reason."""
 
 PARTICIPANT_ENDS_S = 5.0
 """Time [s] after `PEERS_END_S` within which the process must end, or it exits with a traceback."""
@@ -45,24 +46,26 @@ SPIN_S = 2.0
 """Longest sleep of an executor [s], unless a callback or the end wakes it earlier."""
 
 POLL_S = 0.2
-"""Period of the check for a finished node [s]."""
+"""Time between two checks whether the node has finished its work [s]."""
 
 
 class NodeGroup:
-    """Spins nodes; a context manager.
+    """Context manager that spins nodes on executors in separate threads.
 
-    Quiet nodes of a class share one executor, every other node has a separate one. Each time an
-    executor wakes up, it checks all entities of its nodes. The executor of quiet nodes is woken
-    only by requests and trial events; see docs/decisions/0006-executor.md.
+    Nodes whose ``is_quiet`` is True share one executor per class; every other node has a separate
+    executor. Each time an executor wakes up, it checks all entities of its nodes. The executor of
+    quiet nodes is woken only by requests and trial events; see docs/decisions/0006-executor.md.
 
-    Garbage collections are short meanwhile; see `tactile_ros.process.short_collections`.
+    While the nodes are spun, garbage collections are kept short; see
+    `tactile_ros.process.short_collections`.
 
-    On close, running goals are ended first, while the executors still run, so that devices come
-    to rest with a working graph. Then each `TactileNode` is taken down and any other node
-    destroyed.
+    `close` first ends running goals, while the executors still run, because drivers need their
+    topics and services to bring devices to rest. Then it calls `TactileNode.take_down` of each
+    `TactileNode`, and destroys the other nodes.
 
-    An exception of a callback ends its executor, and the group must then be closed, because a
-    node with an incomplete callback must not continue to move a device. The traceback is logged.
+    If a callback raises an exception, the traceback is logged and the executor ends. The group
+    must then be closed, because a node must not continue to move a device after an incomplete
+    callback.
 
     Parameters
     ----------
@@ -135,9 +138,9 @@ class NodeGroup:
                 self._on_end()
 
     def close(self) -> None:
-        """End goals, stop spinning, and take the nodes down; idempotent.
+        """End running goals, stop the executors and destroy the nodes; idempotent.
 
-        Ctrl-C does not interrupt this.
+        Ctrl-C does not interrupt this method.
         """
         with uninterrupted():
             self._close()
@@ -158,13 +161,13 @@ class NodeGroup:
         self._ending.set()
         for executor, thread in self._spinning:
             if thread.is_alive():
-                # After a wake-up without a task, the executor would wait again.
+                # An empty task ends the executor's wait. After a mere wake-up, it waits again.
                 executor.create_task(lambda: None)
         deadline = time.monotonic() + REST_TIMEOUT_S
         for executor, thread in self._spinning:
             if thread.is_alive():
                 thread.join(max(0.0, deadline - time.monotonic()))
-            if thread.is_alive():  # continue, because other nodes must bring devices to rest
+            if thread.is_alive():  # go on, so that other nodes bring their devices to rest
                 names = ', '.join(node.get_name() for node in executor.get_nodes())
                 _logger().error(f'a callback of {names} does not return')
         nodes, self._nodes = self._nodes, []
@@ -178,7 +181,7 @@ class NodeGroup:
                     node.take_down()
                 else:
                     node.destroy_node()
-            except Exception:  # continue, because other nodes must bring devices to rest
+            except Exception:  # go on, so that other nodes bring their devices to rest
                 _logger().error(f'{name} failed while it ended:\n{traceback.format_exc()}')
         for executor, _ in spinning:
             executor.shutdown()
@@ -189,7 +192,7 @@ def _spin_once(executor: Executor) -> None:
     try:
         executor.spin_once(timeout_sec=SPIN_S)
     except RCLError as error:
-        # rclpy raises here for an invalid request, which must not stop the rig.
+        # rclpy raises this exception for an invalid request. The nodes must continue to run.
         _logger().error(f'a request failed: {error}')
 
 
@@ -205,18 +208,19 @@ def run_node(factory: Callable[[], TactileNode]) -> int:
     raises, and 0 after SIGINT, SIGTERM or SIGHUP, also if the signal arrives during configure.
     Ctrl-Z is ignored.
 
-    Fast DDS can wait forever if a participant is destroyed while another one ends
-    (eProsima/Fast-DDS issue 6513; observed with the wheels of PyPI). Nodes that were launched
-    together also end together, so the participant is kept for a moment after its node. A process
-    that hangs nevertheless is ended with exit code 1. Call this last, because the process must
-    end within 5 s after it.
+    Fast DDS can wait forever if a participant is destroyed while the participant of another
+    process ends (eProsima/Fast-DDS issue 6513; observed with the wheels of PyPI). Nodes that were
+    launched together also end together. Therefore, the participant is destroyed `PEERS_END_S`
+    after its node. A process that hangs nevertheless is ended with exit code 1.
+
+    Call this function last, because the process must end within `PARTICIPANT_ENDS_S` after it.
     """
     signals = hold_signals()
     try:
         try:
             keep_heap_small()
-            # Without the handlers of rclpy, which shut the context down immediately, so that a
-            # node could no longer stop the guide.
+            # The signal handlers of rclpy would shut the context down immediately. A node could
+            # then no longer stop the linear guide.
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
             node = factory()
         except Exception as error:
@@ -230,8 +234,11 @@ def run_node(factory: Callable[[], TactileNode]) -> int:
 
 @contextmanager
 def outliving(*nodes: Any) -> Iterator[None]:
-    """Keep the DDS participant of nodes for a moment after the block, which destroys the nodes."""
-    with ExitStack() as handles:  # the participant exists as long as a handle is in use
+    """Keep the DDS participant of nodes until a moment after the ``with`` block.
+
+    The code in the block must destroy the nodes.
+    """
+    with ExitStack() as handles:  # the participant exists while a node's handle is in use
         for node in nodes:
             handles.enter_context(node.handle)
         yield
@@ -240,7 +247,7 @@ def outliving(*nodes: Any) -> Iterator[None]:
 
 
 def end_process() -> None:
-    """Shut ROS down and make sure that the process ends; call this last, see `run_node`."""
+    """Shut ROS down, and end the process after a timeout if it hangs; call this last."""
     faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
     rclpy.try_shutdown()
     ignore_signals()

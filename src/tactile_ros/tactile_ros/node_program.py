@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The program behind the executables of all nodes.
+"""The program that the executables of all nodes run.
 
 A package lists its node classes in the entry point group ``tactile.nodes``, and uses `main` of
 this module as the console script of each node.
@@ -40,17 +40,18 @@ def find_node_class(executable: str) -> Any:
 
 
 def prepare_process() -> Signals:
-    """Hold the signals of this process, and make the settings that must precede its imports."""
-    signals = hold_signals()  # before the imports, which take a second
+    """Handle signals, and make settings that have an effect only before slow imports."""
+    signals = hold_signals()  # as early as possible, because the next imports take a second
     os.environ.update(choose_transports(os.environ, 'SUBNET'))
-    # Before NumPy is imported: each thread of OpenBLAS needs memory, and our matrices are small.
+    # OpenBLAS reads this when NumPy is imported. Each of its threads needs memory, and the
+    # matrices of the nodes are too small to benefit from threads.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     share_one_heap()
     return signals
 
 
 def main() -> int:
-    """Run the node that belongs to this program's name; return the exit code."""
+    """Run the node that has the name of this executable; return the exit code."""
     signals = prepare_process()
     from tactile_ros.node_group import run_node
 

@@ -17,11 +17,12 @@ import threading
 import time
 
 ROUNDING = 1e-6
-"""Allowance for rounding, as a fraction of a period, so that no call is made twice."""
+"""Tolerance for rounding errors, as a fraction of a period. Without it, a call could be repeated
+immediately."""
 
 
 class Periodic:
-    """A periodic call of a `Ticker`."""
+    """A function that a `Ticker` calls periodically."""
 
     def __init__(self, ticker: Ticker, period_s: float, callback: Callable[[], object]) -> None:
         self._ticker = ticker
@@ -35,12 +36,12 @@ class Periodic:
         return self.callback is not _do_nothing
 
     def cancel(self) -> None:
-        """End the periodic call, without waiting for a call that is running."""
+        """End the periodic calls. A call that is already running is not awaited."""
         self._ticker.remove(self)
         self.callback = _do_nothing  # break a reference cycle
 
     def change_period(self, period_s: float) -> None:
-        """Change the period [s]; the next call is at most one new period away."""
+        """Change the period [s]. The next call follows within one new period."""
         if period_s != self.period_s:
             self._ticker.change_period(self, period_s)
 
@@ -51,9 +52,9 @@ class Ticker:
     An exception of a callback ends its periodic calls and is passed to `threading.excepthook`,
     which prints it; the other periodic calls continue. Missed calls are skipped.
 
-    All calls are due at multiples of their periods since the ticker was created. Calls with
-    different periods thus often share a wake-up of the thread, which costs more than most
-    callbacks. The first call follows half a period to one and a half periods after `every`.
+    Each function is called at multiples of its period since the creation of the ticker. Calls with
+    different periods are thus often made in one wake-up of the thread, which takes more time than
+    most callbacks. The first call follows half a period to one and a half periods after `every`.
 
     Parameters
     ----------
@@ -119,12 +120,12 @@ class Ticker:
                 threading.excepthook(
                     threading.ExceptHookArgs((*sys.exc_info(), threading.current_thread()))
                 )
-            del call  # do not keep its objects alive until the next call
+            del call  # so that a cancelled callback is not kept alive until the next call
 
 
 def _do_nothing() -> None: ...
 
 
 SLOW_CALLS = Ticker('periodic calls')
-"""Ticker of diagnostics and watches of all nodes; its callbacks must return within
-milliseconds."""
+"""Ticker that all nodes of a process share for diagnostics, heartbeats and similar checks. Its
+callbacks must return within milliseconds."""

@@ -22,7 +22,7 @@ Take = Callable[[Any, Any], object]
 
 
 class PolledSubscription:
-    """A subscription whose messages are taken by `poll`.
+    """A subscription whose messages are handled when `poll` is called, without an executor.
 
     Parameters
     ----------
@@ -42,7 +42,8 @@ class PolledSubscription:
     overridable : bool
         Allow QoS overrides by the parameters ``qos_overrides…``.
     together : bool
-        Call ``take`` once with a list of all waiting messages and the ``info`` of the newest.
+        Call ``take`` once per `poll`, with a list of all waiting messages and the ``info`` of the
+        newest message.
     """
 
     def __init__(
@@ -81,10 +82,10 @@ class PolledSubscription:
         return int(self._subscription.get_publisher_count())
 
     def waiting(self) -> list[tuple[Any, Any]]:
-        """Return the waiting messages with their ``info``, at most the depth of the queue.
+        """Return the waiting messages, each with its ``info``.
 
-        A message that cannot be deserialised is logged and ends the list. The next call continues
-        after it.
+        The number of messages is limited to the depth of the queue. A message that cannot be
+        deserialised is logged and ends the list; the next call returns the messages after it.
         """
         taken: list[tuple[Any, Any]] = []
         if self._subscription is None:
@@ -95,7 +96,7 @@ class PolledSubscription:
                 if one is None:
                     break
                 taken.append(one)
-        except Exception as error:  # from the middleware; other topics must continue
+        except Exception as error:  # of the middleware; other topics must still be polled
             if not self._node.context.ok():
                 return taken
             self._node.get_logger().error(
@@ -110,7 +111,7 @@ class PolledSubscription:
         if self._together and waiting:
             waiting = [([message for message, _ in waiting], waiting[-1][1])]
         for message, info in waiting:
-            if self._subscription is None:  # closed by the previous call of ``take``
+            if self._subscription is None:  # ``take`` has closed the subscription
                 return
             self._take(message, info)
 
@@ -126,7 +127,7 @@ def _ignore(message: Any, info: Any) -> None: ...
 
 
 class MisfitWarnings:
-    """Warns once of each publisher whose QoS is incompatible with a subscription of a node.
+    """Logs one warning per publisher whose QoS is incompatible with a subscription of a node.
 
     rclpy's own warning names neither the publisher nor a remedy.
     """
@@ -137,16 +138,16 @@ class MisfitWarnings:
         self._warned: set[tuple[str, str]] = set()
 
     def add(self, subscription: Any) -> None:
-        """Watch the topic of a subscription."""
+        """Check the publishers of a subscription's topic from now on."""
         self._profiles[id(subscription)] = (subscription.topic_name, subscription.qos_profile)
 
     def discard(self, subscription: Any) -> None:
-        """Do not watch the topic of a subscription any longer; idempotent."""
+        """Stop the checks for a subscription; idempotent."""
         self._profiles.pop(id(subscription), None)
 
     def warn(self) -> None:
         """Log each publisher with an incompatible QoS that was not logged before."""
-        for topic, profile in tuple(self._profiles.values()):  # other threads add and discard
+        for topic, profile in tuple(self._profiles.values()):  # threads may modify the dict
             for info in self._node.get_publishers_info_by_topic(topic):
                 level, reason = qos_check_compatible(info.qos_profile, profile)
                 reason = reason.removeprefix('ERROR: ').rstrip(';')
@@ -160,7 +161,7 @@ class MisfitWarnings:
 
 
 def format_remedy(profile: QoSProfile) -> str:
-    """Return what a publisher must set so that subscriptions with this QoS receive it."""
+    """Return an instruction that states the QoS which a publisher must have for a subscription."""
     policies = {'reliability': profile.reliability, 'durability': profile.durability}
     stated = {name: policy.name.lower() for name, policy in policies.items()}
     options = ' '.join(f'--qos-{name} {value}' for name, value in stated.items())
@@ -171,24 +172,27 @@ def format_remedy(profile: QoSProfile) -> str:
 
 
 POLL_S = 0.005
-"""Default period of polling [s]; the largest additional delay of samples of other processes."""
+"""Default period of polling [s]. Samples that other processes publish are delayed by up to this
+time."""
 
 MISFITS_S = 2.0
-"""Period of the check for publishers with an incompatible QoS [s]."""
+"""Time between two checks for publishers with an incompatible QoS [s]."""
 
 
 class PollingNode(TactileNode):
     """A `TactileNode` with polled subscriptions.
 
-    Every callback of a subscription is called with ``lock`` held. An exception of a callback,
-    except `MessageError`, ends the node's executor and thus its process.
+    The callbacks of all subscriptions run one after another, each with ``lock`` acquired. If a
+    callback raises another exception than `MessageError`, the node's executor ends, and thus the
+    process.
 
     Attributes
     ----------
     lock : RLock
-        Held during callbacks of subscriptions.
+        Acquired while a callback of a subscription runs.
     poll_s : float or None
-        Period of polling [s]; None: only `poll_now` polls. See `poll_every`.
+        Period of polling [s], which `poll_every` changes. If it is None, messages are handled only
+        when `poll_now` is called.
     """
 
     is_quiet = True
@@ -198,7 +202,7 @@ class PollingNode(TactileNode):
         self.lock = threading.RLock()
         self._poller = Ticker(f'topics of {name}')
         self._polled: tuple[PolledSubscription, ...] = ()
-        self._asking: Periodic | None = None  # calls `poll_now`
+        self._asking: Periodic | None = None  # periodic call of `poll_now`
         self._misfits = MisfitWarnings(self)
         self._warning: Periodic | None = None
         super().__init__(name, config_class, **node_options)
@@ -211,10 +215,10 @@ class PollingNode(TactileNode):
         profile: QoSProfile,
         **options: bool,
     ) -> PolledSubscription:
-        """Subscribe to a topic with a high rate.
+        """Create a polled subscription, for a topic with a high rate.
 
-        ``take(message, info)`` is called on the polling thread, or on the thread that calls
-        `poll_now`. See `PolledSubscription` for the options.
+        ``take(message, info)`` is called on the thread of periodic polling, or on the thread that
+        calls `poll_now`. See `PolledSubscription` for the options.
         """
         guarded = self.message_guard.wrap(topic, take)
         subscription = PolledSubscription(self, message_type, topic, guarded, profile, **options)
@@ -255,7 +259,10 @@ class PollingNode(TactileNode):
     def create_subscription(
         self, message_type: Any, topic: str, callback: Callable[..., Any], *args: Any, **opts: Any
     ) -> Any:
-        """Subscribe to a topic with a low rate; the callback runs on the executor."""
+        """Create an ordinary subscription, whose callback runs on the executor.
+
+        Because each message wakes the executor, use it only for topics with a low rate.
+        """
 
         @functools.wraps(callback)  # rclpy inspects the signature
         def locked(*arguments: Any) -> None:
@@ -277,5 +284,5 @@ class PollingNode(TactileNode):
     def _watch_publishers(self, subscription: Any) -> None:
         self._misfits.add(subscription)
         if self._warning is None:
-            # Without the lock, because a query of the graph may take a while.
+            # The calls do not acquire the lock, because a query of the ROS graph can be slow.
             self._warning = self.call_every(MISFITS_S, self._misfits.warn)

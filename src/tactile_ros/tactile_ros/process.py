@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Memory, signals and DDS transports of a process with nodes."""
+"""Settings of a process with nodes: memory allocation, signal handlers and DDS transports."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from types import FrameType
 from typing import TypeVar
 
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
-"""Options of mallopt(3)."""
+"""Numbers of two options of the C function mallopt(3)."""
 
 LARGE_BYTES = 128 * 1024
-"""Smallest block that is mapped separately [B]; the initial value of glibc."""
+"""Size from which glibc allocates a block of memory by a separate mmap [B]. This is also the
+initial value of glibc, which it otherwise increases."""
 
 
 @cache
@@ -31,8 +32,8 @@ def share_one_heap() -> None:
     """Make all threads that are started later use one heap for small blocks.
 
     Must be called before NumPy and rclpy are imported, because threads that they start would get
-    separate heaps. The environment variable of glibc takes precedence. Has no effect without
-    glibc.
+    separate heaps. It has no effect without glibc, or if the environment variable
+    ``MALLOC_ARENA_MAX`` is set.
     """
     _set_option('MALLOC_ARENA_MAX', M_ARENA_MAX, 1)
 
@@ -41,11 +42,12 @@ def share_one_heap() -> None:
 def keep_heap_small() -> None:
     """Share one heap, and return large blocks to the system when they are freed.
 
-    Must be called before ROS starts its threads. By default, glibc raises the size from which
-    blocks are mapped separately to the size of the largest freed block. The buffers of a recorder
-    were then placed between the small blocks of 16 heaps, which grew by 40 MB per hour; with
-    mapped buffers they grow by 2 MB (``benchmarks/nodes/soak.py``). Programs that only compute
-    should not use this, because mapping every array made an evaluation 5 % slower.
+    Must be called before ROS starts its threads. Blocks that are larger than a threshold are
+    allocated by a separate mmap. By default, glibc increases this threshold to the size of the
+    largest freed block. The buffers of the bag recorder were then placed between the small blocks
+    of 16 heaps, so that the memory of its process grew by 40 MB per hour. With a constant
+    threshold, it grows by 2 MB per hour (``benchmarks/nodes/soak.py``). Programs that only compute
+    should not call this function, because it made an evaluation of models 5 % slower.
     """
     share_one_heap()
     _set_option('MALLOC_MMAP_THRESHOLD_', M_MMAP_THRESHOLD, LARGE_BYTES)
@@ -53,10 +55,11 @@ def keep_heap_small() -> None:
 
 @contextmanager
 def short_collections() -> Iterator[None]:
-    """Keep garbage collections short within the block: they skip all objects that exist already.
+    """Shorten garbage collections within the ``with`` block: they skip all existing objects.
 
-    A full collection stops all threads, for 0.06 to 0.3 s in a process that has trained a model;
-    a heartbeat may be 0.4 s late. Has no effect if objects are skipped already.
+    A full collection stops all threads, for 0.06 to 0.3 s in a process that has trained a model,
+    but a heartbeat may be at most 0.4 s late. This function has no effect within another such
+    block.
     """
     if gc.get_freeze_count():
         yield
@@ -76,25 +79,25 @@ def _set_option(variable: str, option: int, value: int) -> None:
 
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that end a process in an orderly way. A terminal sends SIGHUP when it is closed."""
+"""Signals that request the end of the process. A terminal sends SIGHUP when it is closed."""
 
 INTERRUPT_TIMEOUT_S = 10.0
-"""Longest wait for interrupted work to end [s]."""
+"""Longest time for which `Signals.run` waits until interrupted work has ended [s]."""
 
 ENDS_WITHIN_S = 30.0
-"""Longest time from a signal to the end of the process [s]; see `Signals`."""
+"""Time after a signal at which a process that has not ended is terminated [s]; see `Signals`."""
 
 STDERR = 2
-"""Descriptor of the standard error, because a program may have closed `sys.stderr`."""
+"""File descriptor of the standard error. It is used because `sys.stderr` may be closed."""
 
 REPEAT_S = 0.05
-"""Pause between two attempts to interrupt the main thread."""
+"""Time between two attempts to interrupt the main thread [s]; see `Signals.raising`."""
 
 Result = TypeVar('Result')
 
 
 class Signals:
-    """The signals received since `hold_signals`.
+    """Handles the signals in `NUMBERS`, and stores that one was received.
 
     If the process has not ended `ENDS_WITHIN_S` after the last signal, it hangs, for example in
     Fast DDS. It is then ended with exit code 1 and a traceback.
@@ -102,7 +105,7 @@ class Signals:
     Attributes
     ----------
     received : int
-        Number of the first received signal; 0 if there is none.
+        Number of the first signal that was received, such as 2 for SIGINT; 0 before a signal.
     """
 
     def __init__(self) -> None:
@@ -112,7 +115,7 @@ class Signals:
         for end in (self._read_end, self._write_end):
             os.set_blocking(end, False)
         for number in NUMBERS:
-            # Under nohup, SIGHUP is ignored and must remain so.
+            # The command nohup ignores SIGHUP, and the signal must remain ignored.
             if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._take)
         signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
@@ -126,7 +129,7 @@ class Signals:
         self.received = self.received or number
         faulthandler.dump_traceback_later(ENDS_WITHIN_S, exit=True, file=STDERR)
         if self._raises:
-            self._raises = False  # only once, so that the clean-up is not interrupted
+            self._raises = False  # another signal must not interrupt the clean-up
             raise KeyboardInterrupt
 
     def wait(self, timeout_s: float | None = None) -> bool:
@@ -142,16 +145,16 @@ class Signals:
                 self.received = self.received or number
 
     def wake(self) -> None:
-        """End a `wait` from another thread."""
-        with suppress(BlockingIOError):  # a full pipe also ends the wait
+        """End a call of `wait` on another thread."""
+        with suppress(BlockingIOError):  # if the pipe is full, `wait` ends anyway
             os.write(self._write_end, b'\0')
 
     def run(self, work: Callable[[], Result], interrupt: Callable[[], object]) -> Result | None:
         """Run ``work()`` on a separate thread; return its result or raise its exception.
 
-        After a signal, ``interrupt()`` is called on this thread, and the work has
-        `INTERRUPT_TIMEOUT_S` to end. Return None if it does not end, or if a signal was received
-        before it started.
+        After a signal, ``interrupt()`` is called on this thread. It must cause the work to end
+        within `INTERRUPT_TIMEOUT_S`. Return None if the work does not end within this time, or if
+        a signal was received before the start.
         """
         results: list[Result] = []
         errors: list[BaseException] = []
@@ -180,9 +183,10 @@ class Signals:
     def raising(self) -> Iterator[None]:
         """Raise KeyboardInterrupt in the main thread at the first signal within the block.
 
-        The interpreter runs signal handlers between two instructions. A signal that arrives just
-        before a long wait would take effect after it, so a thread interrupts the main thread
-        repeatedly until the handler has run. Later signals have no effect.
+        Python runs a signal handler only between two instructions. If a signal arrives just before
+        a long system call, its handler would run only after this call. Therefore, a helper thread
+        interrupts the main thread repeatedly until the handler has run. Later signals have no
+        effect.
         """
         over = threading.Event()
         thread = threading.Thread(target=self._repeat, args=(over,), daemon=True)
@@ -198,7 +202,7 @@ class Signals:
 
     @contextmanager
     def holding(self) -> Iterator[None]:
-        """Within `raising`, delay a signal until the end of this block."""
+        """Delay the KeyboardInterrupt of `raising` until the end of this ``with`` block."""
         raises, self._raises = self._raises, False
         try:
             yield
@@ -224,7 +228,8 @@ _signals: Signals | None = None
 def hold_signals() -> Signals:
     """Handle the signals `NUMBERS` for the rest of this process; call this on the main thread.
 
-    The signals no longer end the process: use `Signals.received` or `Signals.wait`.
+    The signals no longer end the process. The program must check `Signals.received`, or use one of
+    the methods of `Signals`.
     """
     global _signals
     if _signals is None:
@@ -238,7 +243,7 @@ def held_signals() -> Signals | None:
 
 
 def uninterrupted() -> AbstractContextManager[None]:
-    """Within `Signals.raising`, delay a signal until the end of the block."""
+    """Return a context manager that delays the KeyboardInterrupt of `Signals.raising`."""
     is_main = threading.current_thread() is threading.main_thread()
     return _signals.holding() if _signals is not None and is_main else nullcontext()
 
@@ -246,7 +251,8 @@ def uninterrupted() -> AbstractContextManager[None]:
 def ignore_signals() -> None:
     """Ignore further signals, so that they do not change the exit code of an ending process.
 
-    At its end, the interpreter restores the default handlers, which would kill the process.
+    When the interpreter ends, it restores the default handlers, with which a signal would kill the
+    process.
     """
     for number in NUMBERS:
         signal.signal(number, signal.SIG_IGN)
@@ -263,15 +269,16 @@ def _restore_in_child() -> None:
 
 
 STOPS = (signal.SIGTSTP, signal.SIGTTOU)
-"""Signals with which a terminal stops a process: on Ctrl-Z, and on output in the background."""
+"""Signals with which a terminal suspends a process: after Ctrl-Z, and when a process in the
+background writes to the terminal."""
 
 
 @contextmanager
 def ignoring_terminal_stops() -> Iterator[None]:
-    """Ignore the signals with which a terminal stops a process, until the block ends.
+    """Ignore the signals with which a terminal suspends a process, during a ``with`` block.
 
-    Used for processes with nodes, because a stopped driver monitors nothing. Has no effect on
-    other threads than the main thread.
+    Processes with nodes use this, because a suspended driver does not monitor its device. It has
+    an effect only if the main thread calls it.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -288,7 +295,8 @@ RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 PROFILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
 PROFILES_OF = {'jazzy': PROFILES[1], 'kilted': PROFILES[0], 'lyrical': PROFILES[0]}
-"""Environment variable that names a file with profiles of Fast DDS, for each ROS distribution."""
+"""For each ROS distribution, the environment variable with the path of the user's Fast DDS
+profiles."""
 
 LOOPBACK = Path(__file__).parent / 'loopback.xml'
 """A Fast DDS profile that uses only UDP on the loopback interface."""
@@ -301,13 +309,13 @@ def choose_transports(environment: Mapping[str, str], default_range: str) -> dic
     ``ROS_AUTOMATIC_DISCOVERY_RANGE`` is not set.
     """
     if any(environment.get(name) for name in PROFILES):
-        return {}  # a profile of the user selects transports and range
+        return {}  # the user's profile selects the transports and the discovery range
     chosen_range = environment.get(RANGE) or default_range
     if chosen_range != 'LOCALHOST':
         return {} if environment.get(TRANSPORTS) else {TRANSPORTS: 'UDPv4'}
     variable = PROFILES_OF.get(environment.get('ROS_DISTRO', ''))
     if variable is None or 'fastrtps' not in environment.get('RMW_IMPLEMENTATION', ''):
-        return {RANGE: chosen_range}  # it is not certain that the profile would be read
-    # In the range LOCALHOST, ROS would also use shared memory. The profile, too, limits discovery
-    # to this host.
+        return {RANGE: chosen_range}  # this middleware might not read `LOOPBACK`
+    # With the range LOCALHOST, ROS would use shared memory in addition to UDP. The profile
+    # `LOOPBACK` limits discovery to this host without that.
     return {RANGE: 'SUBNET', variable: str(LOOPBACK)}

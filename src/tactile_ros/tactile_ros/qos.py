@@ -3,8 +3,8 @@
 
 """QoS profiles of all topics.
 
-Publishers are reliable, because a lost sample is a gap in a window. Best-effort subscriptions
-(sensor data of REP-2003) are compatible with them.
+Publishers are reliable, because a lost sample would be missing in a feature window. Best-effort
+subscriptions, such as those with the sensor data QoS of REP-2003, are compatible with them.
 """
 
 from functools import partial
@@ -16,21 +16,21 @@ _reliable = partial(
 )
 
 STREAM = _reliable(depth=1000, durability=DurabilityPolicy.VOLATILE)
-"""Samples: strain blocks, wrenches, joint states."""
+"""QoS of topics with samples: strain blocks, wrenches and joint states."""
 
 NEWEST = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
 )
-"""Latest sample only, best effort; for liveness checks."""
+"""QoS of subscriptions that need only the latest sample, to check that a publisher is alive."""
 
 RESULTS = _reliable(depth=100, durability=DurabilityPolicy.VOLATILE)
-"""Features and classifications: a few per trial, none of which may be lost."""
+"""QoS of features and classifications. There are a few messages per trial; none must be lost."""
 
 EVENTS = _reliable(depth=16, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Trial events, latched; the depth is sufficient for all events of one trial."""
+"""QoS of trial events, which are latched. The depth is sufficient for the events of one trial."""
 
 CLOCK = _reliable(depth=1, durability=DurabilityPolicy.VOLATILE)
-"""Time on ``/clock``: only the latest value; compatible with best-effort subscriptions."""
+"""QoS of the simulated time on ``/clock``, of which only the latest value is sent."""
 
 LATEST = _reliable(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""A latched state: a late subscriber receives the present state."""
+"""QoS of a latched state: a subscriber that joins later receives the present state."""

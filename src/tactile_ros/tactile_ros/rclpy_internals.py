@@ -1,8 +1,8 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Private parts of rclpy that the packages use.
+"""All uses of private parts of rclpy.
 
-Check this module first if a new version of rclpy breaks something.
+If the packages fail with a new version of rclpy, check this module first.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ RCLError = rclpy_implementation.RCLError
 
 
 RETRIES, RETRY_S = 1000, 0.001
-"""Number of times that an `Executor` collects its entities again, and pause before each attempt
-[s]. rclpy destroys the handle of an entity before it removes the entity from the node."""
+"""Number of retries of an `Executor` that finds a destroyed entity, and pause before each one [s].
+rclpy destroys the handle of an entity before it removes the entity from the node."""
 
 
 class Executor(SingleThreadedExecutor):  # type: ignore[misc]
@@ -49,9 +49,9 @@ class Executor(SingleThreadedExecutor):  # type: ignore[misc]
 
 
 class NotOnExecutor(MutuallyExclusiveCallbackGroup):  # type: ignore[misc]
-    """Excludes a polled subscription from the executor.
+    """Callback group of a polled subscription, for which the executor does not wait.
 
-    rclpy does not provide subscriptions without an executor.
+    rclpy has no other way to create a subscription without an executor.
     """
 
     def can_execute(self, entity: Any) -> bool:
@@ -61,7 +61,8 @@ class NotOnExecutor(MutuallyExclusiveCallbackGroup):  # type: ignore[misc]
 class SubscriptionStatus:
     """A status of a subscription, such as its liveliness, that can be read on any thread.
 
-    rclpy passes a status only to executors. Must be destroyed before its subscription.
+    rclpy itself provides a status only to executors. Call `destroy` before the subscription is
+    destroyed.
     """
 
     def __init__(self, subscription: Subscription, kind: Any) -> None:
@@ -81,7 +82,7 @@ class SubscriptionStatus:
 class GoalIdClient(ActionClient):  # type: ignore[misc]
     """An action client that identifies goals by their id, even if their acceptance was lost.
 
-    rclpy keeps only the status of goals whose acceptance has arrived.
+    rclpy stores the status of a goal only after the client has received its acceptance.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ class GoalIdClient(ActionClient):  # type: ignore[misc]
 def take_message(subscription: Subscription) -> tuple[Any, Any] | None:
     """Return the oldest waiting message and its ``info``, or None if there is none.
 
-    rclpy provides this only to executors.
+    rclpy itself passes messages only to executors.
     """
     with subscription.handle:
         taken: tuple[Any, Any] | None = subscription.handle.take_message(
@@ -147,9 +148,10 @@ def run_on_executor(node: Node, call: Callable[[], object]) -> None:
 
 
 def parameter_overrides(node: Node) -> dict[str, Parameter]:
-    """Return the parameter overrides of a node, to be changed before they are declared.
+    """Return the parameter overrides of a node, which may be modified before declarations.
 
-    Otherwise rclpy would refuse an integer for a float parameter at its declaration.
+    rclpy refuses to declare a float parameter if its override is an integer, so integers must be
+    converted in advance.
     """
     overrides: dict[str, Parameter] = node._parameter_overrides
     return overrides
@@ -163,6 +165,6 @@ def change_state_service(node: LifecycleNode) -> Any:
 def destroy_state_machine(node: LifecycleNode) -> None:
     """Destroy the state machine of a destroyed node, which would keep it in the ROS graph.
 
-    rclpy leaves this to the garbage collector, so that the node would remain visible until then.
+    In rclpy, the garbage collector destroys it, so that the node would be visible until then.
     """
     node._state_machine.destroy_when_not_in_use()

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The refusal of a request, as a value."""
+"""The class `Refusal`, which functions return instead of raising an exception."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ __all__ = ['Refusal']
 
 
 class Refusal(NamedTuple):
-    """Why a request is refused. Functions return ``Refusal | None``; None means accepted.
+    """The reason why a request is refused, and a remedy.
 
-    Neither text ends in a full stop; ``str`` joins both to one sentence.
+    Functions return ``Refusal | None``; None means that the request is accepted. ``str`` joins
+    reason and remedy to one sentence, so neither of them ends with a full stop.
     """
 
-    reason: str  # the problem, and the thing that has it
-    remedy: str  # action for the user
+    reason: str  # the problem, and the device, node or value that has it
+    remedy: str  # how the user can solve the problem
 
     def __str__(self) -> str:
         return f'{self.reason}; {self.remedy}.'

@@ -1,7 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stages of the data path: their publishers, and the nodes that host them."""
+"""Base classes of the stages of the data path, and of the nodes that contain a stage.
+
+A stage passes its output to the next stage through a topic, or by calls in the same process.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +32,8 @@ class RecordPublisher:
     to_message : callable
         Converts a record to a message.
     profile : QoSProfile
-        QoS, which parameters can override. It must be volatile, because messages without
-        subscribers are not created and so could not be latched.
+        QoS, which parameters can override. The durability must be volatile, because a record that
+        has no subscribers is not converted to a message, which could be latched.
     """
 
     def __init__(
@@ -49,7 +52,7 @@ class RecordPublisher:
 
     def publish(self, record: Any) -> None:
         """Publish a record, unless the node is inactive or there are no subscribers."""
-        # The count of the handle is faster, which matters for every record.
+        # The method of the handle is faster than the method of the publisher, and is called often.
         if self._handle.get_subscription_count() and self._publisher.is_activated:
             self._publisher.publish(self._to_message(record))
 
@@ -59,29 +62,29 @@ class RecordPublisher:
 
 
 def ignore(_: object) -> None:
-    """Discard an output; the default of ``emit``."""
+    """Discard an output of a stage. Stages without a receiver call this function."""
 
 
 class Stage:
-    """A part of the data path between configure and cleanup."""
+    """A stage of the data path. A node creates it on configure and closes it on cleanup."""
 
     def stop(self) -> None:
-        """Emit unfinished outputs, because the node becomes inactive."""
+        """Pass on unfinished outputs; called when the node is deactivated."""
 
     def close(self) -> None:
-        """Release topics and devices. No samples arrive after that."""
+        """Release topics and devices. The stage receives no samples after this call."""
 
 
 class StageNode(PollingNode):
-    """A `PollingNode` that hosts a stage.
+    """A `PollingNode` that contains a stage of the data path.
 
     Attributes
     ----------
     stage : Stage or None
         The stage, created by `make_stage`; None while the node is not configured.
     is_fed_by_calls : bool
-        Another node in the process calls the stage directly. Must be set before the node is
-        configured.
+        True if another node in the process calls the stage, so that the stage needs no topic. It
+        must be set before the node is configured.
     """
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
@@ -94,11 +97,11 @@ class StageNode(PollingNode):
         raise NotImplementedError
 
     def input(self, topic: str, call: Callable[[Any, Any], object]) -> Callable[[Any], None]:
-        """Return a function that takes the output of another node's stage.
+        """Return a function to which the stage of another node can pass its output.
 
-        The function calls ``call(stage, record)`` with the lock held, unless the node is not
-        configured. If ``call`` raises `MessageError`, the record is refused like a message on
-        ``topic``. Other exceptions end the node's executor.
+        If the node is configured, the function acquires the lock and calls
+        ``call(stage, record)``. If ``call`` raises `MessageError`, the record is refused like a
+        message on ``topic``. Other exceptions end the node's executor.
         """
 
         def take(record: Any) -> None:
@@ -109,7 +112,7 @@ class StageNode(PollingNode):
                     call(self.stage, record)
                 except MessageError as error:
                     self.message_guard.refuse(topic, error)
-                except Exception as error:  # like an exception in a callback of this node
+                except Exception as error:  # handled as if a callback of this node had raised it
                     self._fail(error)
 
         return take
@@ -122,7 +125,7 @@ class StageNode(PollingNode):
             self.poll(message_type, topic, lambda message, _: take(message), profile)
 
     def set_up(self, config: Any) -> None:
-        stage = self.make_stage(config)  # without the lock, because it may read files or devices
+        stage = self.make_stage(config)  # before the lock is acquired, because this can be slow
         with self.lock:
             self.stage = stage
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A block of samples of the tension, as it is passed from the sensor's driver to the features.
+"""The record of a block of tension samples, which the sensor's driver passes to other stages.
 
-The record is independent of ROS and mirrors ``tactile_msgs/StrainBlock``.
+It has the fields of the message ``tactile_msgs/StrainBlock``, but does not need ROS.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ class StrainStatus(IntFlag):
 
 
 NOT_LIVE = int(StrainStatus.STUCK | StrainStatus.DEVICE_ERROR)
-"""Status bits of samples from which nothing about the present tension can be concluded."""
+"""Status bits of samples that contain no information about the present tension."""
 
 NO_MEASUREMENT = int(NOT_LIVE | StrainStatus.SATURATED)
-"""Status bits of samples whose value is not the tension. A saturated value is a lower bound."""
+"""Status bits of samples whose value is not the tension. For a saturated sensor, the tension is at
+least as large as the value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +50,13 @@ class StrainBlock:
     """
 
     stamp_ns: int  # time of the first sample (ROS time) [ns]
-    sequence: int  # number of the first sample; lost samples are numbered, too
+    sequence: int  # number of the first sample; lost samples are counted, too
     period_ns: int  # nominal time between two samples [ns]
     tension_n: NDArray[np.float64]  # tension [N], shape (samples,)
     _: KW_ONLY
-    lost_before: int = 0  # samples known to be lost between the block before and this one
-    status: StrainStatus = StrainStatus.OK  # holds for every sample
+    lost_before: int = 0  # number of samples that were lost before this block, if known
+    status: StrainStatus = StrainStatus.OK  # applies to every sample of the block
     stamp_error_s: float = -1.0  # bound on the error of the stamps [s]; negative if unknown
-    # Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the sensor's own axes, shape (samples, 6). None for a
-    # sensor with one axis, and after conversion from a message, which does not contain it.
+    # Forces [N] and torques [N m] along the sensor's axes x, y and z; shape (samples, 6). None for
+    # a sensor with one axis, and after conversion from a message, which has no such field.
     wrench: NDArray[np.float64] | None = None

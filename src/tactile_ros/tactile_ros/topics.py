@@ -1,7 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics of a finger: names, types, and requirements of recordings. Independent of ROS."""
+"""Names and types of the topics of a finger, and which of them a recording must contain.
+
+This module does not import ROS.
+"""
 
 from __future__ import annotations
 
@@ -21,22 +24,23 @@ TARE = 'tactile_msgs/msg/Tare'
 
 @dataclass(frozen=True)
 class RecordedTopic:
-    """A topic of one finger, relative to its namespace.
+    """A topic of one finger that is recorded.
 
     Attributes
     ----------
     name : str
-        For example ``tendon_sensor/strain``.
+        Name relative to the namespace of the finger, for example ``tendon_sensor/strain``.
     type_name : str
-        For example ``tactile_msgs/msg/StrainBlock``.
+        Type of the messages, for example ``tactile_msgs/msg/StrainBlock``.
     latched : bool
-        Late subscribers receive earlier messages.
+        True if a subscriber that joins later receives earlier messages.
     optional : bool
-        The recorder does not wait for a publisher of this topic.
+        True if the recorder does not wait for a publisher of this topic.
     of_rig : bool
-        Published by a node of the rig; optional if a hand moves the finger.
+        True if a node of the palpation rig publishes the topic. It is optional if a robotic hand
+        moves the finger instead.
     of_classifier : bool
-        Published by the classifier; optional if none is running.
+        True if the classifier publishes the topic. It is optional if no classifier is running.
     """
 
     name: str

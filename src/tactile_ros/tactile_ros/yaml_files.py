@@ -14,7 +14,7 @@ import yaml
 from tactile_ros.errors import TactileError
 
 MAX_DEPTH = 32
-"""Deepest allowed nesting; our files need ten levels."""
+"""Largest allowed nesting depth. The files of this project need ten levels."""
 
 # If libyaml is installed, its parser is twenty times faster.
 _Safe: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
@@ -22,10 +22,10 @@ _SafeDumper: Any = yaml.SafeDumper
 
 
 class _Loader(_Safe):
-    """The safe loader with three changes.
+    """PyYAML's safe loader with three changes.
 
-    ``1:30`` is a text instead of a sexagesimal number of YAML 1.1, ``1e-3`` is a number, and a key
-    that occurs twice in a mapping is refused.
+    ``1:30`` is read as a text instead of a sexagesimal number of YAML 1.1. ``1e-3`` is read as a
+    number. A mapping in which a key occurs twice is refused.
     """
 
     def number(self, node: Any, construct: Any) -> Any:
@@ -50,7 +50,7 @@ _Loader.add_implicit_resolver('tag:yaml.org,2002:float', _EXPONENT, list('-+.012
 
 
 class Dumper(_SafeDumper):
-    """The safe dumper, which also quotes texts that `load_yaml` would read as numbers: ``1e3``."""
+    """PyYAML's safe dumper. It also quotes texts that `_Loader` reads as numbers (``1e3``)."""
 
 
 Dumper.add_implicit_resolver('tag:yaml.org,2002:float', _EXPONENT, list('-+.0123456789'))
@@ -90,8 +90,9 @@ def load_yaml(text: str) -> Any:
     Raises
     ------
     TactileError
-        If the text is not valid YAML, contains aliases, or is nested too deeply. With aliases, a
-        few bytes can expand to any number of values, and deep nesting crashes libyaml's loader.
+        If the text is not valid YAML, contains aliases, or is nested deeper than `MAX_DEPTH`. With
+        aliases, a short text could expand to a huge number of values. Deep nesting crashes the
+        loader of libyaml.
     """
     depth = 0
     try:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A strain block reaches the features as the same record, in memory or in a message."""
+"""The feature stage gets the same record of a strain block from memory and from a message."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ BLOCKS = st.builds(
 
 
 def convert(convert_one, given_one):
-    """Return the fields with arrays as bytes; if the conversion fails, return the reason."""
+    """Return the fields of the converted record as text, or the reason why conversion fails."""
     try:
         record = convert_one(given_one)
     except MessageError as error:
@@ -62,4 +62,4 @@ def test_shared_records_cannot_be_changed():
     record = check_record(block)
     with pytest.raises(ValueError, match='read-only'):
         record.tension_n[0] = 2.0
-    block.tension_n[0] = 2.0  # the driver may still change its own array
+    block.tension_n[0] = 2.0  # the array of the original block is still writable

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every node continues after messages that it must refuse, and a replay omits these messages."""
+"""Every node keeps running after invalid messages, and a replay ignores these messages."""
 
 import dataclasses
 
@@ -58,7 +58,7 @@ def test_nodes_refuse_invalid_messages_and_continue(context, trained, tmp_path):
         listeners = ('tactile_features', 'bag_recorder')
         wait_until(lambda: strain.get_subscription_count() == events.get_subscription_count() == 2)
         wait_until(lambda: features.get_subscription_count() == 2)
-        # Publishers and subscribers must have found each other.
+        # Publish only after every subscriber has discovered the publishers of its topic.
         wanted = {'/tendon_sensor/strain': 1, '/trial_runner/events': 1}
         wanted['/tactile_features/features'] = 2
         readers = [s for node in nodes.values() for s in (*node._polled, *node.subscriptions)]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All ways of running the nodes publish the same messages for a recording, bit for bit."""
+"""Nodes publish the same messages for a recording, in one process or in several processes."""
 
 from collections import Counter
 from contextlib import contextmanager, ExitStack
@@ -48,10 +48,11 @@ from tactile_testing.waiting import wait_until
 START_S = 60.0
 WORK_S = 60.0
 BLOCKS, EVENTS_AT_ONCE = 30, 12
-"""Number of messages that may be sent before the nodes have processed them."""
+"""Largest numbers of strain blocks and of trial events that wait to be processed by the nodes."""
 
 BLOCKS_WITH_DETECTION = 10
-"""Number of blocks to send at a time. They contain fewer detected events than the QoS depth."""
+"""Value of `BLOCKS` for trials that are detected in the tension. The nodes detect fewer events in
+so many strain blocks than the queue of a subscriber can store."""
 
 OUTPUTS = {
     'tactile_features/features': TactileFeatures,
@@ -86,7 +87,7 @@ class Case(NamedTuple):
 
 @pytest.fixture(scope='module')
 def texture(simulate_bag, tmp_path_factory):
-    """Return a case with full and early windows."""
+    """Return a case with models for whole glides and for windows of their first seconds."""
     source = simulate_bag('texture', 'flexion', 4, seed=5, sessions=2)
     models = tmp_path_factory.mktemp('texture_models')
     for window_s in (0.5, 1.5, None):
@@ -100,7 +101,7 @@ def texture(simulate_bag, tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def stiffness(stiffness_bag, trained):
-    """Return a case in which the phases are detected in the tension."""
+    """Return a case in which the feature node detects the phases of trials in the tension."""
     with TactileBag(stiffness_bag) as recording:
         config = recorded_features(recording).config
     return Case(stiffness_bag, trained, dataclasses.replace(config, phases='stiffness'))
@@ -125,7 +126,7 @@ def outputs_of_core(case):
 
 
 class Player:
-    """Sends a recording, and stores all messages that the nodes publish."""
+    """Sends a recording to the nodes, and stores all messages that the nodes publish."""
 
     def __init__(self, context):
         self.node = Node('bag_player', context=context)
@@ -133,7 +134,7 @@ class Player:
         self.executor.add_node(self.node)
         self.found = {topic: [] for topic in OUTPUTS}
         self.values = {}
-        self.reports = Counter()  # number of diagnostics of each node
+        self.reports = Counter()  # number of diagnostic messages from each node
         for topic, kind in OUTPUTS.items():
             latched = EVENTS if kind is TrialEvent else RESULTS
             read, outputs = READERS[kind], self.found[topic]
@@ -211,7 +212,7 @@ EXECUTABLES = {
 
 @contextmanager
 def nodes_of_one_process(case, context, *, has_sensor):
-    """Run nodes that pass records in memory, with or without a sensor node before them."""
+    """Run all nodes in this process. With ``has_sensor``, strain blocks are passed by calls."""
     nodes = {
         name: create_node(NodeDescription(name, case.parameters()[name]), context)
         for name in EXECUTABLES
@@ -249,7 +250,7 @@ def run_in_one_process(case, context, expected, *, has_sensor):
             taken = extractor.block_count, extractor.event_count
             return (
                 taken == (blocks, events)
-                # The QoS depth is 16.
+                # Otherwise, the queue of the player's subscription could overflow.
                 and len(player.found['tactile_features/detected_events']) == len(detected)
             )
 
@@ -288,7 +289,7 @@ def run_in_processes(case, context, expected, folder):
     with ExitStack() as stack:
         stack.enter_context(node_programs(case, context, folder))
         player.wait(lambda: player.is_matched(expected, 1), START_S)
-        # The processes discover the player a moment later than it discovers them.
+        # The processes discover the player a moment after it has discovered their publishers.
         player.reports.clear()
         player.wait(lambda: all(player.reports[name] >= 2 for name in EXECUTABLES), START_S)
 
@@ -305,7 +306,7 @@ def run_in_processes(case, context, expected, folder):
 
 @pytest.mark.parametrize('name', ['texture', 'stiffness'])
 def test_messages_do_not_depend_on_how_the_nodes_run(request, name, context, tmp_path):
-    """Takes more than 10 s, because the trials are sent for each way of running the nodes."""
+    """Takes more than 10 s, because all trials are sent once per arrangement of the nodes."""
     case = request.getfixturevalue(name)
     expected = outputs_of_core(case)
     counts = Counter({topic: len(outputs) for topic, outputs in expected.items()})
@@ -319,7 +320,7 @@ def test_messages_do_not_depend_on_how_the_nodes_run(request, name, context, tmp
         'calls': run_in_one_process(case, context, expected, has_sensor=True),
         'a process a finger': run_in_one_process(case, context, expected, has_sensor=False),
     }
-    # Slow: processes need seconds to start, and publish diagnostics once per second.
+    # Separate processes are tested for one case only, because they need seconds to start.
     if name == 'texture':
         ways['a process a node'] = run_in_processes(case, context, expected, tmp_path)
     for way, found in ways.items():

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A replay through nodes has the results of the plain core and of the recording."""
+"""A replay through nodes computes the same results as a replay without ROS, and as recorded."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ def of_any_contact(table):
 
 
 def replayed(source, path, results, infos=(), *, models=None, through_nodes=False):
-    """Write a copy of a bag with results of nodes, and return the replay of the copy."""
+    """Copy a bag, add ``results`` as if nodes had published them, and replay the copy."""
     with TactileBag(source) as bag, BagWriter(path, bag.metadata) as writer:
         for topic in bag.stored_topics:
             writer.add_stored_topic(topic)
@@ -71,7 +71,7 @@ def test_windows_are_determined_by_the_model_not_by_the_parameters(
 
 
 def test_replay_classifies_only_windows_of_the_contact_of_the_node(stiffness_bag, tmp_path):
-    """The model is for any contact, but the node classifies only one contact."""
+    """The model is trained on both contacts; the node is set to classify only one of them."""
     model = tmp_path / 'any.npz'
     train_model(stiffness_bag, model, change=of_any_contact)
     with TactileBag(stiffness_bag) as bag:
@@ -84,7 +84,7 @@ def test_replay_classifies_only_windows_of_the_contact_of_the_node(stiffness_bag
 
 
 def test_raw_scores_are_the_same_live_and_replayed(stiffness_bag, tmp_path, context):
-    """With too few trials for calibration, the model gives margins instead of probabilities."""
+    """The scores are margins, because there are too few trials to calibrate probabilities."""
     path = tmp_path / 'raw.npz'
     model = train_model(stiffness_bag, path, 'svm_linear', false_alarm_rate=0.01)
     assert 'reason' in model.manifest.calibration

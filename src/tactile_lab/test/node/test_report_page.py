@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report in Chromium: on a phone, and printed."""
+"""The HTML report, displayed by Chromium at the width of a phone and as a printed page."""
 
 from chromium import Chromium, find_chromium
 import numpy as np
@@ -45,7 +45,7 @@ def browser(tmp_path_factory):
 
 
 def heights(browser, selector):
-    """Return the heights of the elements with a CSS selector [px]."""
+    """Return the heights [px] of the elements that a CSS selector selects."""
     return browser.evaluate(
         f'[...document.querySelectorAll({selector!r})].map(e => e.getBoundingClientRect().height)'
     )

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Classification of a force published by another node: SIMULATED tension, over real DDS."""
+"""The nodes classify a force that another node publishes over DDS. The tension is SIMULATED."""
 
 from contextlib import contextmanager
 import signal
@@ -33,7 +33,7 @@ SECOND_NS = 1_000_000_000
 
 
 class Hand(Node):
-    """Publishes one recorded trial as a hand does: wrenches of its sensor, and trial events."""
+    """Publishes the wrenches and the events of one recorded trial, as a robotic hand does."""
 
     def __init__(self, context, samples, events):
         super().__init__('broadcaster', context=context)
@@ -55,7 +55,7 @@ class Hand(Node):
         self.create_timer(0.001, self.send_due)
 
     def rest(self):
-        """Publish the first force repeatedly, as a hand does that touches nothing."""
+        """Publish the first force of the trial repeatedly, as if the hand touched nothing."""
         _, _, value = self.waiting[0]
         return self.create_timer(
             1 / 60, lambda: self.send_force(self.get_clock().now().to_msg(), value)
@@ -69,7 +69,7 @@ class Hand(Node):
     def send_force(self, stamp, value):
         message = WrenchStamped()
         message.header.stamp = stamp
-        # The axis, sign and unit of this sensor differ from ours.
+        # This sensor measures along another axis, and with other sign and unit than the finger.
         message.wrench.force.x = -value / 2
         self.force.publish(message)
 
@@ -79,7 +79,7 @@ class Hand(Node):
 
 
 def read_trial(path):
-    """Return samples and events of the first trial of a bag, from the touch phase on."""
+    """Return samples and events of the first trial of a bag, without its approach phase."""
     samples, events = [], []
     with TactileBag(path) as bag:
         for message, record in read_records(bag.messages()):
@@ -104,7 +104,7 @@ def _domain(context, monkeypatch):
 
 @contextmanager
 def sensing(context, node, *options):
-    """Run `tactile sense` and a node; provide a function that spins until a condition is true."""
+    """Run `tactile sense` and spin a node. Return a function that waits for a condition."""
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     with program('sense', *options) as process:
@@ -130,7 +130,7 @@ def sensing(context, node, *options):
 def test_wrenches_of_another_node_are_classified_and_replay_equal(
     context, stiffness_bag, trained, tmp_path
 ):
-    """Takes about 10 s: a trial in real time, and its replay through nodes."""
+    """Takes about 10 s, because a trial is sent in real time and replayed through nodes."""
     hand = Hand(context, *read_trial(stiffness_bag))
     (label,) = {what.object_label for _, send, what in hand.waiting if send == hand.send_event}
     params, bag = tmp_path / 'params.yaml', tmp_path / 'bag'
@@ -138,10 +138,11 @@ def test_wrenches_of_another_node_are_classified_and_replay_equal(
     options = ('--sensor-topic', '/ft/wrench:fx', '--models', trained)
     with sensing(context, hand, *options, '--params', params, '--record', bag) as spin_until:
         spin_until(hand.force.get_subscription_count)
-        spin_until(lambda: hand.events.get_subscription_count() >= 2)  # features, recorder
+        # The subscribers are the feature node and the recorder.
+        spin_until(lambda: hand.events.get_subscription_count() >= 2)
         spin_until(lambda: hand.count_publishers(ANSWERS))
         resting = hand.rest()
-        # Samples are published once the rate of the topic has been measured.
+        # The sensor node measures the rate of the topic before it publishes samples.
         spin_until(lambda: hand.strain)
         resting.cancel()
         hand.start()
@@ -155,7 +156,7 @@ def test_wrenches_of_another_node_are_classified_and_replay_equal(
 
 
 def test_results_of_a_simulated_finger_are_marked_as_simulated(context, tmp_path):
-    """Only the samples are marked; the program in docs/on_your_hand.md does not mark events."""
+    """The samples are marked as simulated, but the events are not, as in docs/on_your_hand.md."""
     bag = tmp_path / 'bag'
     hand = Node('hand', context=context)
     events = hand.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
@@ -173,7 +174,8 @@ def test_results_of_a_simulated_finger_are_marked_as_simulated(context, tmp_path
         return now.nanoseconds
 
     with sensing(context, hand, '--simulated', '--record', bag) as spin_until:
-        spin_until(lambda: events.get_subscription_count() >= 2)  # features, recorder
+        # The subscribers are the feature node and the recorder.
+        spin_until(lambda: events.get_subscription_count() >= 2)
         spin_until(lambda: hand.count_publishers(features))
         spin_until(lambda: blocks)
         end_ns = state('hold') + 3 * SECOND_NS
@@ -203,7 +205,7 @@ def test_events_from_the_shell_yield_a_window(context):
     trial = ('--trial', 'grasp-1', '--contact', 'flexion', '--object', 'sponge')
     with NodeGroup([features, hand], context):
         assert features.bring_up()
-        # Without the namespace, no node receives the event.
+        # The feature node is in a namespace, so the command must state this namespace.
         refused = hear_tactile('event', 'hold', *trial, '--wait-s', 2, code=2)
         assert '--namespace /index' in refused
         begun = ask_tactile('event', 'hold', *trial, '--namespace', 'index')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile check` and `tactile devices` on forces that another node publishes, over real DDS."""
+"""`tactile check` and `tactile devices` for a sensor that another node publishes over DDS."""
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -22,7 +22,7 @@ from tactile_ros.node_group import NodeGroup
 from tendon_sensor_driver.config import TendonSensorConfig
 
 MEASURED = {'sensor': 'topic', 'rate_hz': 0.0}
-"""Parameters of a topic whose rate is measured."""
+"""Parameters of a sensor node that reads a topic and measures its rate."""
 
 
 class Hand(Node):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The buttons of the live page, also with services that respond late."""
+"""Actions of the buttons on the live page of `tactile watch`, also if services respond late."""
 
 import asyncio
 import threading
@@ -55,7 +55,7 @@ def test_stop_is_repeated_after_a_late_response(context, monkeypatch):
 
 @pytest.fixture
 def buttons(context):
-    """Return the controls of a page in another ROS context than the rig."""
+    """Return the controls of a live page. The rig runs in another ROS context."""
     other = Context()
     rclpy.init(context=other, domain_id=context.get_domain_id())
     watch = WatchNode(WatchState(), other)
@@ -109,7 +109,7 @@ def test_stop_ends_a_session_of_another_process_between_two_trials(context, butt
         assert asyncio.run(buttons.stop()) == 'stop: confirmed by operator'
         with pytest.raises(StoppedError):
             operator.home_guide()
-    # A session that has ended need not be stopped.
+    # The session has ended, so there is nothing left to stop.
     with pytest.raises(TactileError, match='no node was found'):
         asyncio.run(buttons.stop())
 
@@ -122,7 +122,7 @@ def test_stop_fails_if_a_known_driver_has_ended(context, buttons, monkeypatch):
         wait_for_stops(buttons, '/linear_guide/stop')
     with pytest.raises(TactileError, match='not confirmed by linear_guide; bring'):
         asyncio.run(buttons.stop())
-    # It finds the name of the service, because the other page has a client.
+    # A second page lists the service in the ROS graph only because the first page has a client.
     late = WatchNode(WatchState(), context)
     with NodeGroup([late], context):
         wait_until(late.stop_clients)

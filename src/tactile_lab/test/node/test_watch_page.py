@@ -53,7 +53,7 @@ def chromium():
 
 @pytest.fixture
 def browser(chromium):
-    """Return the browser; the page of an earlier test, which would reconnect, is closed."""
+    """Return a browser with an empty page. The live page of an earlier test would reconnect."""
     chromium.open('about:blank')
     chromium.console.clear()
     return chromium
@@ -84,7 +84,7 @@ def rig(trained):
 
 
 class Recorder:
-    """Replaces the recorder of a rig that is not recorded."""
+    """Replaces the bag recorder in a test that records nothing."""
 
     has_failed = False
     failure = ''
@@ -149,7 +149,7 @@ def test_page_shows_a_trial_from_contact_to_label(rig, browser):
             for selector in ('.label', '.verdict', '.last'):
                 assert browser.evaluate(ABOVE_THE_FOLD % selector), f'{selector}, {width} pixels'
     assert text_of(browser, '.last').endswith(': done')
-    # The text alternative of the trace is updated occasionally, not with each frame.
+    # The text alternative of the plot of tension is updated less often than the plot.
     browser.wait_for(
         '/; done/.test(document.querySelector("[role=img]").getAttribute("aria-label"))'
     )
@@ -157,7 +157,7 @@ def test_page_shows_a_trial_from_contact_to_label(rig, browser):
         '[...document.querySelectorAll("[role=img]")].map(e => e.getAttribute("aria-label"))'
     )
     assert re.match(r'Tension of the last 10 seconds: now \S+ N, from .* N; done', names[0])
-    # For a stiffness trial, the hold with the fitted line is shown instead of a spectrum.
+    # For a stiffness trial, the page shows the tension in the hold phase and the fitted line.
     assert re.match(r'Tension in the hold with fitted line: .*, slope \S+ N/s', names[2])
     assert browser.evaluate('document.querySelector(".spectrum-plot").hidden')
     assert 'object none' in text_of(browser, '.about')
@@ -192,7 +192,8 @@ CONTRAST = """(() => {
     least = Math.min(least, (a + 0.05) / (b + 0.05));
   }
   return least; })()"""
-"""JavaScript: smallest contrast of a text with its background. WCAG AA requires 4.5."""
+"""JavaScript that returns the smallest contrast between a text and its background on the page.
+The accessibility guideline WCAG AA requires at least 4.5."""
 
 ABOVE_THE_FOLD = """(() => { const r = document.querySelector("%s").getBoundingClientRect();
   return scrollY === 0 && r.height > 0 && r.top >= 0
@@ -228,7 +229,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
             with suppress(TactileError):
                 attempt('first')
                 return
-            attempt('second')  # the first attempt failed because the computer was busy
+            attempt('second')  # reached only if the first trial failed on a busy computer
 
         thread = threading.Thread(target=run)
         thread.start()
@@ -241,7 +242,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
         assert sorted(said) == ['linear_guide', 'operator', 'tendon_actuator', 'trial_runner']
         assert text_of(browser, '.last.error').startswith('trial aborted: ')
         assert browser.evaluate(STOP_IS_SEEN)
-    assert len(stopped) == 1  # the loop ends in this case: see test_observer
+    assert len(stopped) == 1  # `StoppedError` was raised
     assert watch.state.was_stopped
     assert abs(truth_at_rest(simulated)['tendon_displacement_m']) < 1e-3, 'the tendon is slackened'
     assert browser.console == []
@@ -282,7 +283,7 @@ def test_page_shows_why_the_rig_is_stopped_until_reset(rig, browser):
     browser.wait_for('document.getElementById("reset").disabled')
     operator = OperatorNode(context)
     with NodeGroup([operator], context):
-        operator.home_guide()  # it moves again
+        operator.home_guide()  # the guide can move after the reset
     assert browser.console == []
 
 
@@ -302,7 +303,7 @@ def test_page_without_fingers_shows_instructions_and_a_lost_connection(context, 
 
 
 class StoppableRig:
-    """Replaces `WatchControls`, and counts the stops."""
+    """Replaces `WatchControls`, confirms every command and counts the stops."""
 
     def __init__(self):
         self.stops = 0
@@ -319,7 +320,7 @@ class StoppableRig:
 
 
 def press(browser, element):
-    """Click at the position of an element. If another element covers it, that one is clicked."""
+    """Click at the position of an element, as a user does. An element that covers it is hit."""
     x, y = browser.evaluate(
         f'(r => [r.left + r.width / 2, r.top + r.height / 2])'
         f'(document.getElementById("{element}").getBoundingClientRect())'
@@ -343,7 +344,7 @@ def test_stop_can_be_pressed_while_a_trial_is_being_chosen(browser):
     with WatchServer(state, controls) as server:
         browser.open(server.address)
         browser.wait_for('document.querySelector(".answer")')
-        assert browser.evaluate('document.querySelector(".answer").hidden')  # there is no model
+        assert browser.evaluate('document.querySelector(".answer").hidden')
         for number, (width, height) in enumerate(((1280, 900), (390, 844), (844, 390)), 1):
             browser.resize(width, height)
             click(browser, 'trial')
@@ -361,7 +362,7 @@ def test_stop_can_be_pressed_while_a_trial_is_being_chosen(browser):
         browser.wait_for('visualViewport.scale > 1.9')
         browser.wait_for(STOP_IS_SEEN)
         browser.call('Emulation.setPageScaleFactor', pageScaleFactor=1)
-    # The program has ended after the confirmed stop. A single message states both.
+    # The server has ended after a confirmed stop. The page shows only one of its two messages.
     browser.wait_for('document.body.classList.contains("off")')
     assert browser.evaluate(
         'document.getElementById("cut").hidden !== document.getElementById("outcome").hidden'
@@ -391,13 +392,13 @@ def test_a_stiffness_finger_shows_its_hold_and_its_object_without_models(browser
         about = text_of(browser, '.about')
         for name in ('object sponge', 'session monday', 'trial t1'):
             assert name in about
-        # Read the pixels only once, because Chromium warns about repeated reading.
+        # The pixels are read only once, because Chromium logs a warning when they are read again.
         assert browser.evaluate(COLOURS.replace('.tension-plot', '.hold-plot')) > 20
         for width in (1280, 390):
             browser.resize(width, 844)
             assert browser.evaluate(NO_OVERFLOW)
         browser.resize(1280, 900)
-        # For a glide, the spectrum is shown again.
+        # In the glide phase of a texture trial, the page shows the spectrum again.
         glide = TrialEvent(10**18 + 7 * 10**9, 't2', '', 'texture', 'flexion', '', 'glide')
         state.update('index', Finger.take_event, glide)
         after = StrainBlock(10**18 + 420 * period_ns, 420, period_ns, np.ones(60))
@@ -422,5 +423,5 @@ def test_a_frozen_server_is_not_connected_and_a_stop_not_confirmed(browser):
         assert browser.evaluate('document.getElementById("home").disabled')
         process.send_signal(signal.SIGCONT)
         browser.wait_for('document.getElementById("cut").hidden')
-        wait_for_log(browser, 'stop: no node was found')  # the command was received late
+        wait_for_log(browser, 'stop: no node was found')
         assert 'no node was found' in text_of(browser, '#outcome')

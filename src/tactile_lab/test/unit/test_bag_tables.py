@@ -19,7 +19,7 @@ def compute(bags):
 
 @pytest.fixture
 def rewritten(rewrite, stiffness_bag, tmp_path):
-    """Return a function that changes the events of a bag and reads its feature tables."""
+    """Return a function that changes the events of a bag and computes its feature tables."""
 
     def read(change):
         def change_event(type_name, message):
@@ -56,7 +56,7 @@ def test_trials_with_missing_samples_or_without_a_label_are_excluded_and_reporte
     rewrite, stiffness_bag, tmp_path
 ):
     def lose(type_name, message):
-        # This block is in the hold of the first trial, which lasts from about 1 s to 5 s.
+        # The lost block is in the hold phase of the first trial.
         if type_name == STRAIN and message.sequence == 2 * SAMPLES_PER_BLOCK:
             return None
         if type_name == EVENT and message.object_label == 'sponge':
@@ -69,7 +69,7 @@ def test_trials_with_missing_samples_or_without_a_label_are_excluded_and_reporte
     lost = [each for each in found[1] if f'{SAMPLES_PER_BLOCK} samples are missing' in each]
     assert len(lost) == 1
     assert sum('no label' in each for each in found[1]) == 3
-    # Refused trials with a label count in the end-to-end accuracy.
+    # Only the refused trial that has a label is counted.
     assert found[0]['stiffness', 'flexion'].refused == 1
 
 
@@ -122,7 +122,7 @@ def test_trial_blocks_divide_the_trials_of_each_label_in_order_of_time():
 
 
 def test_detected_trials_are_detected_again_instead_of_read(stiffness_bag, tmp_path):
-    """The recorded events may be incomplete, if the recorder started after the feature node."""
+    """Phases are detected again in the samples, because the recorder can miss detected events."""
     config = {'phases': 'stiffness', 'detected_object_label': 'pla', 'detected_session_id': 's1'}
     path = tmp_path / 'detected'
     with TactileBag(stiffness_bag) as bag:

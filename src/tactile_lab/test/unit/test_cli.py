@@ -26,7 +26,7 @@ def test_discovery_is_limited_to_this_computer_unless_the_environment_allows_mor
 ):
     name = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
     for variable in ('RMW_IMPLEMENTATION', name, TRANSPORTS, *PROFILES):
-        monkeypatch.setenv(variable, '')  # so that monkeypatch restores it
+        monkeypatch.setenv(variable, '')  # so that it is restored after the test
         monkeypatch.delenv(variable)
     if before is not None:
         monkeypatch.setenv(name, before)
@@ -41,12 +41,12 @@ def test_discovery_is_limited_to_this_computer_unless_the_environment_allows_mor
 def test_misspelt_word_is_named_once(arguments):
     done = CliRunner().invoke(program.app, arguments)
     assert done.exit_code == 2
-    assert done.output.count('Did you mean') <= 1  # Typer 0.9 suggests no command
+    assert done.output.count('Did you mean') <= 1  # Typer 0.9 makes no suggestion
     assert done.output.count(arguments[-1] if len(arguments) == 1 else '--tak') == 1
 
 
 def test_help_describes_arguments():
-    # With Click 8.5, Typer loses the help of arguments.
+    # Typer does not display this help if it runs with Click 8.5.
     for command, text in (('import', 'CSV'), ('show', '(.npz)'), ('repair', 'not closed')):
         found = CliRunner().invoke(program.app, [command, '--help'])
         assert text in ' '.join(found.output.split('Options')[0].split())
@@ -90,7 +90,7 @@ def test_table_of_commands_has_the_first_line_of_each_docstring(name):
 
 @pytest.mark.parametrize('name', program.COMMANDS)
 def test_options_are_declared_in_a_way_that_typer_0_9_supports(name):
-    """Typer 0.9 (Ubuntu 24.04) supports neither ``X | None`` nor annotations that are strings."""
+    """Typer 0.9 of Ubuntu 24.04 supports neither ``X | None`` nor strings as annotations."""
     for function in functions_of(name):
         for parameter in inspect.signature(options.expand(function)).parameters.values():
             stated, *_ = get_args(parameter.annotation) or (parameter.annotation,)

@@ -23,14 +23,14 @@ BORDERS = 3 * 3 + 1
 
 
 def draw(table, width):
-    """Return the lines that a terminal of this width gets, without borders."""
+    """Return the lines that are printed for a table on a terminal with ``width`` columns."""
     console = Console(file=io.StringIO(), width=width)
     console.print(table.fit(width), soft_wrap=True)
     return console.file.getvalue().splitlines()
 
 
 def parts_of(cell):
-    """Return the parts of a cell, which must not be broken."""
+    """Return the parts of a cell that no line break may divide."""
     if isinstance(cell, Prose):
         return cell.split()
     return [cell] if isinstance(cell, str) else [f'{value},' for value in cell]

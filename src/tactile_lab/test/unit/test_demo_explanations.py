@@ -19,7 +19,7 @@ from tactile_lab.experiment.live_rig import LiveTrial
 
 @pytest.fixture(scope='module')
 def trained(tmp_path_factory):
-    """Return a model. PLA and rubber are similar and vary between sessions; sponge differs."""
+    """Return a model of three labels. The features of PLA and rubber have equal distributions."""
     rng = np.random.default_rng(0)
     labels = np.tile(['pla', 'rubber', 'sponge'], 40)
     sessions = np.repeat(['a', 'b', 'c', 'd'], 30)
@@ -58,7 +58,7 @@ def test_wrong_prediction_is_explained_by_held_out_sessions(trained):
     assert sentence.startswith(f'stiffness, flexion, {wanted}, classified as {said}: ')
     share, whole = (int(word) for word in sentence.split() if word.isdigit())
     assert whole == 40
-    assert 5 <= share <= 35  # PLA and rubber differ only at random
+    assert 5 <= share <= 35  # the model cannot distinguish PLA and rubber
 
 
 def test_unknown_prediction_has_its_reason(trained):

@@ -46,7 +46,8 @@ def check_each_trial_is_found(path, phases):
 
 def test_every_press_is_detected(stiffness_bag):
     stated, detected = check_each_trial_is_found(stiffness_bag, 'stiffness')
-    # Intercepts [N]. The detected start may deviate by some tenths of a second.
+    # Compare the intercepts of the fitted lines. The tolerance allows for errors of the
+    # detected start of the hold phase.
     np.testing.assert_allclose(
         [w.values[1] for w in detected], [w.values[1] for w in stated], atol=0.1
     )
@@ -73,7 +74,7 @@ def test_audit_uses_stated_trials_and_ignores_detected_ones(stiffness_bag, tmp_p
 
 
 def record_hand(path, source, label):
-    """Write a bag as recorded on a hand: samples, and phases that were detected in them."""
+    """Write a bag with samples and with the phases that the feature node detects in them."""
     with TactileBag(source) as bag:
         config = dataclasses.replace(
             recorded_features(bag).config,

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The check of a sensor by its strain blocks."""
+"""The checks of `tactile check` on the strain blocks that a sensor node publishes."""
 
 import numpy as np
 import pytest

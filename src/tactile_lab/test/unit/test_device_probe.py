@@ -18,7 +18,7 @@ MILLISECONDS = {'time_column': 0, 'time_unit_s': 0.001}
 
 
 def lines(*texts, end='\r\n'):
-    """Return bytes that begin in the middle of one line and end in the middle of another."""
+    """Return received bytes that begin and end in the middle of a line."""
     return ('3,cut' + end + end.join(texts) + end + texts[0][:3]).encode()
 
 
@@ -133,7 +133,7 @@ def test_udev_rules_name_the_ports_and_are_installed():
     package = Path(__file__).parents[3] / 'tactile_bringup'
     rules = (package / 'udev' / '60-tactile.rules').read_text()
     lines = [line for line in rules.splitlines() if line and not line.startswith('#')]
-    # With a misspelt key, udev ignores the line; with = instead of ==, it assigns a value.
+    # udev ignores a line with a misspelt key, and "=" assigns a value where "==" compares.
     part = re.compile(
         r'(ACTION|SUBSYSTEM|DRIVERS|SYMLINK|ATTRS\{\w+\})(==|!=)"[^"]+"'
         r'|(SYMLINK\+|GROUP|MODE|GOTO|LABEL|ENV\{\w+\}|ATTR\{[\w/]+\})="[^"]+"'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Experiments with random interruptions: no trial is lost or counted twice."""
+"""In experiments with random interruptions, no trial is lost and none is counted twice."""
 
 from contextlib import contextmanager, suppress
 from itertools import pairwise
@@ -22,11 +22,15 @@ PLAN = ExperimentPlan('x', 'stiffness', ('pla', 'sponge'), sessions=2, mountings
 
 
 class PowerCut(BaseException):
-    """Ends the program, as a power cut does."""
+    """Simulates a power cut. Code that catches `Exception` does not catch it."""
 
 
 class World:
-    """State that survives interruptions: recordings, planned interruptions and failures."""
+    """The simulated laboratory, whose recordings and mounted object survive interruptions.
+
+    ``cuts`` states for each possible moment if a power cut happens, and ``outcomes`` has the
+    result of each trial.
+    """
 
     def __init__(self, cuts=(), outcomes=()):
         self.cuts, self.outcomes = iter(cuts), iter(outcomes)
@@ -100,7 +104,7 @@ class Person:
 
 
 def run_to_end(folder, world, person=None, plan=PLAN, added=()):
-    """Start the experiment again until it ends; return the progress and the reason."""
+    """Start or continue the experiment; return its progress and the reason of its end."""
     folder.set_up(plan)
     with folder.open_journal() as journal:
         return run_experiment(folder, Bench(world), person or Person(world), journal, added)
@@ -140,7 +144,7 @@ def test_no_trial_is_lost_or_counted_twice_after_any_interruption(
             run(folder, world, Person(world, choices))
             break
         except PowerCut:
-            # After a power cut, the journal may end with an incomplete line or with zeros.
+            # The last line of the journal can be incomplete after a power cut.
             with folder.journal.open('ab') as file:
                 file.write(b'{"kind": "ended", "trial_id": "x-s01-m01-t01"}'[: next(torn, 0) % 47])
     check_complete(folder, world)
@@ -169,7 +173,7 @@ def test_repeated_call_continues_the_appended_block(tmp_path_factory, cuts):
 @settings(max_examples=20)
 @given(st.lists(st.integers(1, 25), max_size=12), st.booleans())
 def test_experiment_continues_after_a_kill_between_any_two_writes(tmp_path_factory, kills, after):
-    """The program is killed before or after the disk has confirmed an entry."""
+    """The program is killed before or after an entry of the journal is written to disk."""
     folder = ExperimentFolder(tmp_path_factory.mktemp('x') / 'experiment')
     world = World()
     confirm = os.fsync

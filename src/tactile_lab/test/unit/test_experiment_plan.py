@@ -93,7 +93,7 @@ def test_specimens_alternate_within_and_between_sessions():
     of_a = [specimen for _, label, specimen in mounted if label == 'A']
     assert of_a == ['A-1', 'A-2'] * 4 + ['A-1']
     assert {specimen for _, label, specimen in mounted if label == 'B'} == {'B-1', 'B-2'}
-    # An appended block continues the alternation.
+    # Mountings of an appended block continue to alternate between the two specimens.
     (block,) = {
         trial.specimen[-1]
         for trial in list_order(dataclasses.replace(plan, mountings=1), 'x-s01', 7)
@@ -233,7 +233,7 @@ def test_journal_on_a_full_disk_reports_it_and_loses_only_the_incomplete_line(tm
 )
 def test_invalid_entries_are_refused_with_their_number(values, kind):
     entry = {**values, 'kind': kind}
-    if kind in ('ended', 'kept', 'relabelled', 'excluded'):  # the trial of this entry never began
+    if kind in ('ended', 'kept', 'relabelled', 'excluded'):  # these need a trial
         with pytest.raises(ExperimentError, match='entry 1'):
             Progress([], [entry])
         return
@@ -267,7 +267,7 @@ def test_sessions_may_be_increased_and_other_entries_must_not_change(folder):
 
 
 def test_a_block_is_appended_to_a_session_and_its_trials_are_counted(folder):
-    assert folder.appended_left('grooves-s01') == 0  # trials of the plan itself are not counted
+    assert folder.appended_left('grooves-s01') == 0  # planned trials are not counted
     block = folder.draw_block('grooves-s01')
     assert len(block) == 6
     assert len(folder.read_order()) == 12
@@ -319,7 +319,7 @@ def test_corrections_are_entries_and_the_last_one_is_valid(folder):
         journal.append('began', key=first.key, trial_id=f'{first.key}-again1', mounting_id='m')
         journal.append('ended', trial_id=f'{first.key}-again1', **RESULT)
     assert len(folder.read_progress().earlier(first)) == 1
-    # The name of the planned trial refers to its kept attempt.
+    # A correction that names a planned trial applies to the attempt that was kept.
     attempt = folder.correct(first.key, EXCLUDED, why='the cable touched')
     assert attempt.trial_id == f'{first.key}-again1'
     found = read_corrections(folder.path)
@@ -335,7 +335,7 @@ def test_corrections_are_entries_and_the_last_one_is_valid(folder):
     assert read_corrections(folder.path)[attempt.trial_id] == Correction(label=other)
     found = folder.read_progress()
     assert (found.find(first.key).label, found.to_dict()['relabelled']) == (other, 1)
-    # The trial was relabelled, so its tension is from another plate.
+    # A relabelled trial was recorded on another plate, so it is no reference for this one.
     assert not found.earlier(first)
     before = folder.journal.read_bytes()
     with pytest.raises(ExperimentError, match=f'no trial "x"; did you mean {first.key}'):

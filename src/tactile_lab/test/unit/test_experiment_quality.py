@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of outliers: definition, rate of false alarms, and hard cases."""
+"""Detection of trials with unusual tension, and the rate of its false alarms."""
 
 import math
 
@@ -52,7 +52,7 @@ def test_rate_of_false_alarms_is_as_stated():
                 alarms += bool(find_outlier(found, str(mounting), earlier))
                 earlier.append((str(mounting), found))
                 count += 1
-    # Quantile of the binomial distribution with the stated rate; exceeded once in a million.
+    # If the stated rate is true, the number of alarms exceeds this limit once in a million.
     assert alarms <= stats.binom.ppf(1 - 1e-6, count, FALSE_ALARMS)
 
 

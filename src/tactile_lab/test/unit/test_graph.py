@@ -40,11 +40,11 @@ def test_rig_has_every_node_with_its_port(models):
     assert nodes['linear_guide'].parameters['port'] == '/dev/guide'
     assert nodes['tendon_actuator'].parameters['port'] == '/dev/tendon'
     assert nodes['tendon_sensor'].parameters['port'] == '/dev/sensor'
-    # Only the sensor node has the parameter; its samples are then marked as simulated.
+    # Only the sensor node has the parameter ``simulated``.
     told = [name for name, node in nodes.items() if 'simulated' in node.parameters]
     assert told == ['tendon_sensor']
     assert nodes['tendon_sensor'].parameters['simulated'] is True
-    # Each description is valid: its node can be created.
+    # For each description of a node, the class of the node is found.
     for node in (*nodes.values(), recorder_node(Path('bag'), simulated=True)):
         assert find_node_class(node.executable).__module__.split('.')[-1] == node.executable
     stated = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Features and audit if a publisher stamps messages at the time of sending."""
+"""Features and audit of samples that a publisher stamps irregularly, when it sends them."""
 
 import pytest
 
@@ -16,7 +16,10 @@ PERIOD_NS = 1_000_000_000 / 60
 
 
 def run_trial(stamps_ns):
-    """Return window and audit of a hold from 1 s to 6 s, of which no message is lost."""
+    """Return the feature window and the audit of a trial whose samples have these stamps.
+
+    No message is lost.
+    """
     stream = TopicStream(TendonSensorConfig(sensor='topic', topic='/force', rate_hz=60.0))
     extractor, auditor = TrialFeatureExtractor(FeatureConfig()), FingerAuditor('', 60.0)
     windows, audits = [], []
@@ -36,7 +39,7 @@ def run_trial(stamps_ns):
 
 @pytest.mark.parametrize('every', [20, 60])
 def test_late_stamps_do_not_refuse_a_trial(every):
-    late = {0: 1.6, 1: 0.7}  # delays of the stamps, in sample periods
+    late = {0: 1.6, 1: 0.7}  # sample number in a cycle: delay of its stamp in periods
     stamps_ns = [
         START_NS + round((i + late.get(i % every, 0.0) * (i > 60)) * PERIOD_NS) for i in range(600)
     ]

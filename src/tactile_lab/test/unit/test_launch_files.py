@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The launch files are parsed here without ``launch``, which is not on PyPI.
+"""The launch files are parsed as Python code, because ``launch`` is not on PyPI.
 
-They are run in ``test/launch`` if ``launch`` is installed.
+The tests in ``test/launch`` run them if ``launch`` is installed.
 """
 
 import ast

@@ -29,7 +29,7 @@ def store():
 
 
 def check_field(store, topic, steps):
-    """Follow a path of field names, such as wrench, force, x or values[0]; return its type."""
+    """Check that a path of field names exists in the messages of a topic; return its type."""
     assert topic in TOPICS, f'no node publishes {topic}'
     type_name = TOPICS[topic]
     for step in steps:
@@ -93,11 +93,11 @@ def test_plotjuggler_layout_shows_and_subscribes_to_existing_fields(store, plotj
         topic = next((t for t in TOPICS if curve.startswith(f'{t}/')), '')
         assert topic, f'no node publishes {curve}'
         steps = curve[len(topic) + 1 :].split('/')
-        if TOPICS[topic] == JOINT_STATE:  # selected by the name of the joint
+        if TOPICS[topic] == JOINT_STATE:
             assert steps[0] == JOINTS[topic]
             steps = [f'{steps[1]}[0]']
         check_numeric(store, topic, steps)
-        check_numeric(store, topic, ['header', 'stamp', 'sec'])  # PlotJuggler uses this stamp
+        check_numeric(store, topic, ['header', 'stamp', 'sec'])  # the time axis in PlotJuggler
         shown.add(topic)
     (plugin,) = plotjuggler.iter('plugin')
     (streamer,) = plotjuggler.iter('previouslyLoaded_Streamer')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration of a load cell: fit compared with exact arithmetic, refusals, parameter file."""
+"""The fit of a load cell's calibration is exact, and unusable readings are refused."""
 
 from fractions import Fraction
 import math
@@ -74,7 +74,7 @@ def test_uncertainties_have_the_stated_coverage():
         values = (masses * 9.81 + 0.2) / 1.03 + generator.normal(0.0, 0.01, masses.size)
         found = fit_load_cell(readings(masses, values), 9.81)
         hits += abs(found.scale - 1.03) <= found.scale_error
-    # With nine degrees of freedom (Student's t) 65.7 % are expected; tolerance: 5 sigma.
+    # Student's t distribution with nine degrees of freedom has 65.7 % within one standard error.
     assert abs(hits / 400 - 0.657) < 5 * math.sqrt(0.657 * 0.343 / 400)
 
 

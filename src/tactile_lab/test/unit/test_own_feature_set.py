@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A feature set in another package: the example in docs/feature_sets.md."""
+"""A feature set that another package provides, as in the example of docs/feature_sets.md."""
 
 import dataclasses
 import importlib
@@ -36,7 +36,7 @@ PERIOD_NS = 16_000_000
 
 
 def install(monkeypatch, folder, value='roughness:Roughness', name='roughness'):
-    """Install a distribution with module, metadata and entry point, as pip does."""
+    """Write the files that pip would install for the package of the example."""
     if not PAGE.is_file():
         pytest.skip('the packages are not in their own repository: no docs beside them')
     metadata = folder / f'{name}-1.0.dist-info'
@@ -85,7 +85,7 @@ def test_features_of_stream_and_arrays_are_equal(roughness):
     assert window.values == pytest.approx([part.std(), np.ptp(part)])
     assert spec.mismatch(spec_for('texture', roughness)) is None
     assert window.specification_digest == spec_for('texture', roughness).digest
-    # With its specification, a feature node can compute the set.
+    # A feature node can compute a feature set whose specification a model states.
     spec = spec_for('texture', roughness)
     assert spec_for('texture', FeatureConfig(**spec.config_values())) == spec
     extractor = TrialFeatureExtractor(FeatureConfig(), [spec])

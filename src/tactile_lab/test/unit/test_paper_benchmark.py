@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The reproduction of the paper: its protocol, and the rules that test the paper's statements."""
+"""The benchmark that reproduces the paper: its protocol, and its tests of the paper's claims."""
 
 import importlib
 from pathlib import Path
@@ -14,7 +14,8 @@ if not (REPOSITORY / 'benchmarks').is_dir():
     pytest.skip('the packages are not in their own repository', allow_module_level=True)
 
 PATTERN = {'texture': ([1.0, 0.9, 1.0, 0.98], 0.05), 'stiffness': ([0.99, 0.98, 0.7, 0.975], 0.0)}
-"""Accuracies of the paper, and its number of features that do not differ."""
+"""For each task, the accuracies of the four classifiers in the paper, and how many features do not
+differ between objects: a fraction of the texture features, or a number of pairs of objects."""
 
 
 @pytest.fixture(scope='module')
@@ -63,9 +64,9 @@ def test_numbers_of_the_paper_agree_with_its_statements_and_others_do_not(paper,
     assert len(found) == {'texture': 4, 'stiffness': 3}[task]
     for each in found:
         assert each.agrees(accuracies, alike)
-        # Equal, medium accuracies and many similar features disagree with all statements.
+        # Equal accuracies of 90 % and many similar features contradict every statement.
         assert not each.agrees(np.full(4, 0.9), np.array(5.0))
-        # Results of several seeds are judged together.
+        # Results of several seeds are passed as arrays.
         both = each.agrees(np.array([accuracies, np.full(4, 0.9)]), np.array([alike, 5.0]))
         assert both.tolist() == [True, False]
 
@@ -76,7 +77,7 @@ def test_contacts_agree_within_three_points(paper):
 
 
 def test_unscaled_rbf_svm_uses_only_the_intercept(paper):
-    """The objects differ only in the slope, although the intercept varies much more."""
+    """The objects differ only in the first feature, but the intercept varies much more."""
     generator = np.random.default_rng(3)
     code = np.repeat([0, 1, 2], 24)
     columns = (
@@ -96,7 +97,7 @@ def test_unscaled_rbf_svm_uses_only_the_intercept(paper):
 
 
 def test_tables_and_figures_show_every_set_beside_the_paper_marked_as_simulated(paper):
-    """Uses few trials, because the complete reproduction takes minutes."""
+    """The test uses few trials, because the complete reproduction takes minutes."""
     few = {}
     reproduction, statements = paper['reproduction'], paper['statements']
     for task in paper['protocol'].TASKS:

@@ -45,7 +45,7 @@ GLIDE = spec_for('texture', FeatureConfig())
 
 @pytest.fixture
 def record(stiffness_bag, tmp_path):
-    """Return a function that writes the small recording with further messages."""
+    """Return a function that copies a recording of stiffness trials and adds messages."""
 
     def record(*further, name='bag', **metadata):
         path = tmp_path / name
@@ -90,7 +90,7 @@ def test_no_rate_is_compared_if_recorded_rates_differ(record):
 
 
 def test_specifications_of_another_release_are_replaced(tmp_path):
-    """The digests of these specifications differ from those of this release."""
+    """A message type with an additional field stands for another release of the packages."""
     installed = message_store()
     definition, _ = installed.generate_msgdef(SPECIFICATIONS, ros_version=2)
     definition = definition.replace('string digest\n', 'string digest\nstring colour\n')
@@ -218,6 +218,6 @@ def test_several_models_are_copied_to_one_folder(trained, tmp_path):
     folder = gather_models([one, other], scratch)
     assert [file.resolve() for file in sorted(folder.iterdir())] == [one, other]
     assert gather_models([], scratch) is None
-    # The second model is equal to the first one; its path is relative.
+    # Both files contain the same model, which is loaded once, with the path of the first file.
     (info,) = ModelSet.load(folder).infos
     assert info.path == str(one)

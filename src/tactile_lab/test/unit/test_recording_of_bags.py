@@ -72,7 +72,7 @@ def test_bag_is_opened_once_and_replayed_with_equal_results(stiffness_bag, opene
 def test_trial_is_simulated_if_metadata_events_or_samples_state_it(
     stiffness_bag, rewrite, tmp_path, where
 ):
-    """Bags of `ros2 bag record` lack our metadata, and events of other programs lack the mark."""
+    """One mark is enough, because recorders and publishers of other projects do not set it."""
 
     def change(type_name, message):
         if type_name == EVENT:
@@ -87,7 +87,7 @@ def test_trial_is_simulated_if_metadata_events_or_samples_state_it(
 
 
 def make_experiment(folder, bag, entries):
-    """Create the folder of an experiment with a bag and these journal entries."""
+    """Create the folder of an experiment with a copy of ``bag`` and a journal of ``entries``."""
     (folder / 'bags').mkdir(parents=True)
     shutil.copytree(bag, folder / 'bags' / 's1-01')
     (folder / 'plan.yaml').touch()
@@ -98,7 +98,7 @@ def make_experiment(folder, bag, entries):
 
 
 def test_bag_of_an_experiment_without_trials_is_omitted(stiffness_bag, rewrite, tmp_path):
-    """A call that ends before its first trial writes such a bag."""
+    """If `tactile experiment` ends before its first trial, it writes a bag without trials."""
     folder = make_experiment(tmp_path / 'one', stiffness_bag, [])
     rewrite(
         stiffness_bag,
@@ -132,7 +132,7 @@ def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_ba
         stated = {trial.name: trial.columns['specimen'] for trial in trials}
     trial_ids, specimens = (table.column(name).tolist() for name in ('trial_id', 'specimen'))
     assert dict(zip(trial_ids, specimens, strict=True)) == stated
-    assert stated.pop(wrong) == other  # the specimen of the other label is not known
+    assert stated.pop(wrong) == other  # its specimen is unknown
     assert all(specimen.startswith(f'{labels[name]}-') for name, specimen in stated.items())
     split = grouped_split(table, ['specimen'])
     assert split.name == 'one specimen held out'

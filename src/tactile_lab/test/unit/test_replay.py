@@ -85,7 +85,10 @@ def test_unusable_feature_parameters_are_refused(stiffness_bag):
 
 
 def timed(results, end_ns, **made_at_ns):
-    """Return results that were completed long before the end, except those in ``made_at_ns``."""
+    """Return results with times of computation long before the end of the recording.
+
+    ``made_at_ns`` has other times, by ``_`` and the number of the result.
+    """
     results = TactileResults(list(results.windows), list(results.classifications))
     for items in (results.windows, results.classifications):
         for i, item in enumerate(items):
@@ -111,7 +114,7 @@ def test_results_of_the_last_moment_need_not_be_recorded(results):
         assert f'{len(places)} feature windows and {len(places)} class' in comparison.left_out
         assert results.windows[14].trial_id in comparison.left_out
         assert 'could not be recorded' in comparison.left_out
-        # Other way round: a result was recorded, but its last samples were not.
+        # A result was recorded, but the last samples from which it was computed were not.
         comparison = compare_with_recorded(core, without(core, *places), end_ns)
         assert comparison.is_equal
         assert 'last samples' in comparison.left_out
@@ -133,7 +136,7 @@ def test_missing_result_before_the_end_is_a_difference(results):
 
 
 def record_from(source, target, begin_ns):
-    """Copy a bag from a later start. Earlier latched events arrive first, all together."""
+    """Copy a bag as if its recorder had started later. Earlier events arrive at the start."""
     with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
         for topic in bag.stored_topics:
             writer.add_stored_topic(topic)
@@ -146,7 +149,7 @@ def record_from(source, target, begin_ns):
 
 @pytest.mark.parametrize(
     ('phase', 'after_ns'),
-    # The recording begins after the third trial (within a block), or in the hold of the fourth.
+    # The recording begins after the end of a trial, or in the hold phase of a trial.
     [('done', 2 * 10**8), ('hold', 2 * 10**9)],
 )
 def test_a_recording_that_begins_after_some_trials_replays_equal(

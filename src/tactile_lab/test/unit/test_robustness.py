@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robustness study in the benchmarks uses the trials of the simulator."""
+"""The robustness benchmark, which adds faults of a sensor to simulated trials."""
 
 from dataclasses import replace
 import importlib
@@ -55,7 +55,7 @@ def test_features_are_those_of_a_bag(study, trials, stiffness_bag):
     (table,) = read_tables([stiffness_bag]).values()
     of_pla = table.values[table.labels == 'pla']
     rows = trials.extract(study.USUAL)
-    # The tolerance is necessary, because stamps in the bag are rounded to nanoseconds.
+    # The values differ slightly, because stamps in the bag are rounded to nanoseconds.
     np.testing.assert_allclose(np.array(rows), of_pla, rtol=1e-7)
 
 

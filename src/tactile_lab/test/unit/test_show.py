@@ -36,7 +36,7 @@ def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path):
     facts = list(found['facts'])
     assert facts[:4] == ['trials', 'task', 'rate', 'duration']
     assert [found['facts'][name] for name in facts[:3]] == ['15', 'stiffness', '60 Hz']
-    # The duration includes the time between the trials.
+    # The duration of the recording includes the time between trials.
     total_s = sum(entry['seconds'] for entry in found['trials'])
     assert float(found['facts']['duration'].split()[0]) > total_s
     said = hear_tactile('show', stiffness_bag)
@@ -95,7 +95,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, sessions):
     error = f'{100 * manifest.confidence.calibration_error_after:.1f} % after'
     assert error in facts['calibration error']
     assert any('No sessions' in limit for limit in found['limits']) == (sessions == 1)
-    # The command prints the card in the file.
+    # The command prints the model card that is stored in the model file.
     assert found['card'] == load_model(path).card
     printed = tactile('show', path).stdout
     assert found['card'].strip() in printed

@@ -37,7 +37,7 @@ def test_finger_is_free_at_rest_and_moves_along_the_plate(contact):
     gaps_m = [top_m - shape.curve_m[-1, 1] - finger.tip_radius_m for shape in picture.shapes]
     assert [shape.moment for shape in picture.shapes] == ['at rest', 'start', 'middle', 'end']
     assert gaps_m[0] > 5e-3
-    # The finger is pressed in by less than 1 mm, plus at most the depth of a groove.
+    # The fingertip overlaps the undeformed plate by less than 1 mm plus the depth of a groove.
     assert all(-2e-3 < gap < 0.0 for gap in gaps_m[1:])
     bases_m = [shape.curve_m[0] for shape in picture.shapes]
     start_m, length_m = CONFIG.guide_start_m, CONFIG.glide_length_m
@@ -64,7 +64,7 @@ def test_figure_is_marked_as_simulated_and_labelled(protocol, last):
 
 @pytest.fixture
 def draw(monkeypatch, capsys):
-    """Return a function that runs the program; it returns the exit code and standard error."""
+    """Return a function that runs the script and returns its exit code and standard error."""
 
     def draw(*arguments):
         monkeypatch.setattr(sys, 'argv', ['trial_picture.py', *map(str, arguments)])

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The points of the live plot: no spike is lost, for any division of samples into blocks."""
+"""The live plot draws fewer points than samples, but shows every spike of the tension."""
 
 import math
 

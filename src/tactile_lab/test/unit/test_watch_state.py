@@ -180,7 +180,7 @@ def test_line_names_the_model_if_several_models_have_the_task_and_contact(state)
         state.update('', Finger.take_models, [*models, *more])
         state.take_answer('', answer(model='a'))
     assert ['  a  ' in line for line in lines] == [False, False, True]
-    for name in 'ba':  # the newest prediction is the last one
+    for name in 'ba':
         state.take_answer('', answer(model=name))
     assert [a['model'] for a in state.describe()['fingers'][0]['answers']] == ['b', 'a']
 
@@ -206,7 +206,7 @@ def test_spectrum_is_computed_from_last_seconds_phase_or_window():
     assert spectrum['step_hz'] == pytest.approx(1 / 3)
     assert spectrum['values'][-1] == 0.9
     finger.take_window(window(np.ones(91), 'texture_spatial', specification_digest='2'))
-    assert finger.spectrum() == spectrum  # each specification keeps its window
+    assert finger.spectrum() == spectrum  # this window has no spectrum
     finger.take_event(event(700, 'approach', trial='t2'))
     assert finger.spectrum()['part'] == 'last 3 s'
 
@@ -214,7 +214,7 @@ def test_spectrum_is_computed_from_last_seconds_phase_or_window():
 def test_stiffness_finger_shows_the_hold_with_the_fitted_line(state, clock):
     assert 'spectrum' in Finger('').detail()
     time_s = np.arange(600) * PERIOD_NS * 1e-9
-    # The hold begins after 2 s; the tension relaxes by 0.2 N/s.
+    # The hold phase begins after 2 s. In it, the tension decreases by 0.2 N/s.
     take_blocks(state, block(0, np.where(time_s < 2.0, 1.0, 3.0 - 0.2 * (time_s - 2.0))))
     (finger,) = state.fingers
     finger.take_event(dataclasses.replace(event(60, 'contact'), protocol='stiffness'))
