@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulation of the palpation rig, with devices that speak the real wire protocols."""
+"""Simulation of the palpation rig. Its simulated devices use the protocols of the real devices."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    # Imported on first use, so that the rig's process starts without unneeded imports.
+    # Modules are imported when they are first used, so that processes start quickly.
     if name in _HOMES:
         return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')

@@ -11,11 +11,11 @@ class TactileSimError(Exception):
 
 
 class DescriptionError(TactileSimError):
-    """A description of the rig, or a name in it, is invalid."""
+    """A description of a finger, rig, plate or object is invalid, or its name is unknown."""
 
 
 class ConvergenceError(TactileSimError):
-    """A step of the physics has no solution."""
+    """The solver found no solution for a time step of the simulation."""
 
 
 class RigError(TactileSimError):
@@ -27,4 +27,4 @@ class TautTendonError(RigError):
 
 
 class SolverError(TactileSimError):
-    """The solver of the physics cannot be loaded or compiled."""
+    """The solver of the simulation cannot be loaded or compiled."""

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The watchdog of a hung process; each parent is a separate process, which may be killed."""
+"""The watchdog kills a process that hangs. The tests start processes that it watches."""
 
 import os
 from pathlib import Path
@@ -38,7 +38,7 @@ for line in sys.stdin:
 
 
 class Parent:
-    """A process with a `HangWatch` that executes commands."""
+    """A separate process with a `HangWatch`, which executes commands from its standard input."""
 
     def __init__(self):
         pipe = subprocess.PIPE
@@ -53,7 +53,7 @@ class Parent:
         self.child = int(self.process.stdout.readline())
 
     def tell(self, line):
-        """Send a command and wait until it is executed."""
+        """Send a command to the process, and return the line that it prints after execution."""
         self.process.stdin.write(line + '\n')
         self.process.stdin.flush()
         return self.process.stdout.readline()
@@ -72,7 +72,7 @@ class Parent:
 
 @pytest.fixture
 def start():
-    """Return a function that starts a parent and sends it some lines."""
+    """Return a function that starts a `Parent` and sends commands to it."""
     parents = []
 
     def start_and_tell(*lines):
@@ -85,7 +85,7 @@ def start():
     for parent in parents:
         parent.process.kill()
         parent.process.communicate()
-    # the children end with their parents
+    # Each watchdog process must end after its parent.
     wait_until(lambda: not any(parent.has_child for parent in parents))
 
 
@@ -111,20 +111,19 @@ def test_a_process_whose_worker_hangs_is_killed_though_all_its_processes_got_a_s
 
 
 def test_a_process_that_need_not_turn_is_left_alone_also_without_the_child(start):
-    # The worker of the first process has not called feed yet, as while its device is being set
-    # up.
+    # The first process has not called `feed` yet, as a driver that is still being configured.
     parents = [start(), start('0', '60'), start('0', 'inf'), start('0', 'close')]
     alone = start('0')
     subprocess.run(['kill', '-9', str(alone.child)], check=True)
     wait_until(lambda: not alone.has_child)
-    assert 'did turn' in alone.tell('turn')  # the worker runs for three times the time-out
+    assert 'did turn' in alone.tell('turn')  # calls `feed` for three times the timeout
     assert [parent.process.poll() for parent in parents] == [None] * 4
     assert [parent.has_child for parent in parents] == [True, True, True, False]
     assert 'did close' in alone.tell('close')
 
 
 def test_a_slice_that_took_long_counts_once(monkeypatch):
-    """If the child itself got no core for a long time, it still waits for the other slices."""
+    """The watchdog waits for all parts of its timeout, even if one part takes very long."""
     slices, killed = [], []
     answers = [([0], [], [])]
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Program of a node that publishes a heartbeat: ``beating_peer.py NAME``."""
+"""Program that runs a node with a heartbeat; the argument is the name of the node."""
 
 import sys
 import time

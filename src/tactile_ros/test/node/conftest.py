@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Groups of nodes that spin until the end of a test."""
+"""A fixture that spins nodes until the end of a test."""
 
 import threading
 
@@ -13,7 +13,7 @@ from tactile_testing.waiting import wait_until
 
 @pytest.fixture
 def spun(context):
-    """Return a function that spins nodes; each call makes a separate group."""
+    """Return a function that spins the passed nodes in a `NodeGroup`."""
     groups = []
 
     def start(*nodes, **options):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A client whose answers are lost, as when a server has not discovered it yet."""
+"""A client of an action to which answers are lost, because the server has not discovered it."""
 
 from dataclasses import make_dataclass
 import threading
@@ -49,7 +49,7 @@ class Server(TactileNode):
 
 @pytest.fixture
 def losses(monkeypatch):
-    """Return a mapping in which a test sets how many answers of each kind are lost."""
+    """Return a dict in which a test sets the number of answers of each kind that get lost."""
     losses = {'goal': 0, 'result': 0, 'cancel': 0}
     take_data = GoalIdClient.take_data
 
@@ -68,7 +68,10 @@ def losses(monkeypatch):
 
 @pytest.fixture
 def rig(context, spun):
-    """Return a function that starts a server with some work and returns server and client."""
+    """Return a function that starts an action server and a client and returns both.
+
+    Its argument is the function that the server executes for each goal.
+    """
     clients = []
 
     def make(work=lambda goal: MoveGuide.Result(message='there')):
@@ -91,7 +94,7 @@ def end_of(goal):
 
 
 def until_ended(goal):
-    """Work of a goal that runs until it must end."""
+    """Execute a goal that lasts until its cancellation."""
     assert goal.wait(DEADLINE_S)
     goal.check()
 
@@ -129,7 +132,7 @@ def test_a_cancellation_reaches_a_goal_whose_answers_were_lost(rig, losses):
     _, client = rig(until_ended)
     losses.update(goal=1, cancel=2, result=1)
     goal = client.send(MoveGuide.Goal())
-    goal.cancel()  # the cancellation may come before the goal is sent
+    goal.cancel()  # perhaps before the goal is sent
     assert end_of(goal) == (GoalStatus.STATUS_CANCELED, 'cancelled')
 
 
@@ -174,7 +177,7 @@ def test_closing_a_client_ends_its_waits(rig):
 
 
 def test_a_client_whose_executor_has_ended_looks_no_more_and_raises_nothing(context):
-    """An exception would end the thread of the periodic calls of all nodes of the process."""
+    """An exception would end the periodic calls of all nodes in the process."""
     node = Node('client', context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
@@ -191,7 +194,7 @@ def test_a_client_whose_executor_has_ended_looks_no_more_and_raises_nothing(cont
 
 @pytest.fixture
 def stop(rig, monkeypatch):
-    """Return the server, and a function that calls its service while some answers are lost."""
+    """Return the server, and a function that calls its service ``stop`` and loses some answers."""
     server, client = rig()
     node = client._node
     service = node.create_client(Trigger, 'server/stop')

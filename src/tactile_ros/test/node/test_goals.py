@@ -45,7 +45,7 @@ class Server(TactileNode):
 
 
 class Client:
-    """Blocking calls from the test's thread."""
+    """An action client whose methods wait for the answer of the server."""
 
     def __init__(self, node):
         self.node = node
@@ -65,9 +65,10 @@ class Client:
         return handle
 
     def result(self, handle):
-        """Request the result again each second: lost answers are not tested here.
+        """Return the status and the result of a goal.
 
-        `GoalClient` does the same; see tactile_ros.goal_client.
+        The result is requested again each second, as `GoalClient` does, because the middleware can
+        lose an answer.
         """
         for _ in range(round(DEADLINE_S)):
             answer = send(self.node, handle.get_result_async)
@@ -78,7 +79,10 @@ class Client:
 
 @pytest.fixture
 def rig(context, spun):
-    """Return a function that starts a server with some work and returns server and client."""
+    """Return a function that starts an action server and a client and returns both.
+
+    Its argument is the function that the server executes for each goal.
+    """
 
     def make(work):
         server, client = Server(work, context=context), Client(Node('client', context=context))
@@ -90,7 +94,10 @@ def rig(context, spun):
 
 @pytest.fixture
 def held_rig(rig):
-    """Return a server whose goal 0.1 waits for ``release`` and then ends as ``work`` specifies."""
+    """Return a function that starts a server and a goal, which runs until ``release`` is set.
+
+    After that, the server executes ``work`` for the goal.
+    """
 
     def make(work=lambda goal: MoveGuide.Result(message='first')):
         release = threading.Event()
@@ -192,7 +199,7 @@ def test_goal_that_is_not_accepted_says_why(rig):
 
 
 def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, context):
-    """The client is in another process, so its executor keeps running."""
+    """The executor of the client keeps running, as if the client were in another process."""
 
     def work(goal):
         goal.wait(DEADLINE_S)
@@ -207,7 +214,8 @@ def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, contex
                 handle = client.send()
                 wait_until(lambda server=server: server.runner.is_busy)
                 answer = send(node, handle.get_result_async)
-                # When this request is answered, the server has also received the request above.
+                # The server handles requests in order. After the answer to this goal, it has
+                # also received the request for the result of the first goal.
                 assert client.result(client.send())[1].message.startswith(
                     'Another goal is running;'
                 )
@@ -254,7 +262,7 @@ def test_a_goal_that_may_have_waited_for_long_is_not_begun(rig):
     server.slept_s = 30.0
     status, _ = client.result(client.send())
     assert (status, begun) == (GoalStatus.STATUS_ABORTED, [])
-    # a goal that preempts is always accepted
+    # A goal with position 0 preempts other goals, so it is accepted even after a standstill.
     assert client.result(client.send(0.0))[1].message == 'there'
     wait_until(lambda: client.result(client.send())[1].message == 'there')
     assert client.result(client.send())[1].message == 'there'

@@ -21,7 +21,7 @@ from tactile_ros.health import Heartbeat, HeartbeatWatch
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0
-"""Longest time [s] until a process has started on a busy computer."""
+"""Timeout for the start of a process on a busy computer [s]."""
 
 PEER = Path(__file__).with_name('beating_peer.py')
 
@@ -35,7 +35,10 @@ def node(context):
 
 @pytest.fixture
 def start_peer(context):
-    """Return a function that starts the node ``peer`` in a separate process."""
+    """Return a function that starts a node with a heartbeat in a separate process.
+
+    The name of the node is ``peer``.
+    """
     processes = []
 
     def start():
@@ -54,7 +57,7 @@ def start_peer(context):
 
 @contextmanager
 def beating(*hearts):
-    """Publish heartbeats on a thread."""
+    """Publish heartbeats on a separate thread during a ``with`` block."""
     end = threading.Event()
 
     def run():
@@ -106,11 +109,11 @@ def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, conte
     heart = Heartbeat(node, is_well)
     spun(listener, other)
     with beating(heart):
-        wait_until(lambda: len(beats) >= 3)  # a plain listener needs no lease
+        wait_until(lambda: len(beats) >= 3)
         well[0] = False
         wait_until(lambda: heart._due_s and len(asked) > 5)
         heard_at = len(asked) + 20
-        wait_until(lambda: len(asked) > heard_at)  # pending messages have arrived
+        wait_until(lambda: len(asked) > heard_at)  # by now, pending messages have arrived
         count = len(beats)
         wait_until(lambda: len(asked) > heard_at + 20)
         assert len(beats) == count
@@ -127,7 +130,7 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
     assert not watch.was_heard
     peer = start_peer()
     wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
-    late = HeartbeatWatch(node, 'peer/heartbeat')  # this watch joins while the peer is alive
+    late = HeartbeatWatch(node, 'peer/heartbeat')  # created while the peer is alive
     wait_until(lambda: not late.find_loss())
     peer.send_signal(fault)
     for each in (watch, late):
@@ -137,13 +140,13 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
         peer.send_signal(signal.SIGCONT)
     else:
         start_peer()
-    # The killed peer stays in the ROS graph for many seconds, but is not counted.
+    # The killed peer is in the ROS graph for many seconds, but only the new one counts as alive.
     wait_until(lambda: not (watch.find_loss() or late.find_loss()), timeout_s=START_S)
     if fault == signal.SIGKILL:
         assert node.count_publishers('/peer/heartbeat') == 2
     for each in (watch, late):
         each.close()
-        assert each.find_loss() is None  # a thread that still asks receives the last state
+        assert each.find_loss() is None  # the state before `close`
 
 
 def test_two_living_peers_of_one_name_are_named_and_one_killed_is_none(node, start_peer):

@@ -110,7 +110,7 @@ def test_an_integer_is_taken_where_a_float_is_wanted(make_node):
     assert all(r.successful for r in node.set_parameters([Parameter('rate_hz', value=30)]))
     assert is_float(node, 30.0)
     assert node.bring_up()
-    # one of the values is unchanged
+    # The new value of ``rate_hz`` equals the present one.
     both = [Parameter('rate_hz', value=30), Parameter('gain', value=3)]
     assert node.set_parameters_atomically(both).successful
     assert node.get_parameter('gain').value == 3.0
@@ -169,7 +169,7 @@ def test_parameters_do_not_change_from_configure_to_cleanup_but_for_live_ones(ma
         refusal = set_to('count', 5)
         assert 'count is read when the node is configured' in refusal
         assert 'deactivate and clean up the node first' in refusal
-        assert set_to('count', 4) == 'set'  # the value is unchanged
+        assert set_to('count', 4) == 'set'  # equals the present value
         assert set_to('gain', float(node.calls.count('start') + 2)) == 'set'
     node.trigger_cleanup()
     assert set_to('count', 5) == 'set'
@@ -184,7 +184,7 @@ def test_parameters_can_be_mended_after_a_configuration_that_failed(make_node):
     assert not node.bring_up()
     assert node.set_parameters([Parameter('path', value='here')])[0].successful
     assert node.bring_up()
-    # the parameter is read only once
+    # The parameter ``autostart`` is read-only.
     assert not node.set_parameters([Parameter('autostart', value=True)])[0].successful
 
 
@@ -214,7 +214,7 @@ def test_what_fails_gives_back_what_it_took_and_can_be_tried_again(make_node, fa
 
 def test_a_node_that_was_taken_down_is_not_in_the_graph(context):
     peer = Node('peer', context=context)
-    # A separate namespace, because nodes that failed in other tests exist until collected.
+    # Nodes of other tests may still be in the graph, so this node has a separate namespace.
     node = RecordingNode(context=context, namespace='taken_down')
     name = ('recording', '/taken_down')
     wait_until(lambda: name in peer.get_node_names_and_namespaces())

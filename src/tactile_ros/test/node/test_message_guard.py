@@ -52,7 +52,7 @@ def graph(context, spun, monkeypatch):
 
 def test_a_message_is_refused_or_unusable_and_only_a_fault_of_the_program_ends_the_node(graph):
     listener, _, publisher, group = graph
-    for data in (b'\x00', b'\x00\x01\x00\x00\x07'):  # bytes that are not valid messages
+    for data in (b'\x00', b'\x00\x01\x00\x00\x07'):  # no valid messages
         publisher.publish(data)
     for number in (1, -2, 3, -4, 5):
         publisher.publish(Int32(data=number))
@@ -90,7 +90,7 @@ def test_the_log_mentions_refused_messages_now_and_then(graph, capfd, monkeypatc
     listener, _, publisher, _ = graph
     for number in (-1, -2, -3, 1):
         publisher.publish(Int32(data=number))
-    wait_until(lambda: listener.numbers == [1])  # the third refusal is over
+    wait_until(lambda: listener.numbers == [1])  # the negative numbers have been refused
     assert listener.message_guard.refused.count == 3
     monkeypatch.setattr(lifecycle, 'LOG_PERIOD_S', 0.0)
     publisher.publish(Int32(data=-4))
@@ -100,7 +100,7 @@ def test_the_log_mentions_refused_messages_now_and_then(graph, capfd, monkeypatc
 
 
 def test_a_node_survives_messages_that_cannot_be_published(graph, capfd):
-    """Fast DDS sometimes cannot publish while a process that subscribes to the topic ends."""
+    """Fast DDS sometimes fails to publish while another process that subscribes is ending."""
     listener, _, _, group = graph
     sent, failures = [], 3
 
@@ -114,7 +114,7 @@ def test_a_node_survives_messages_that_cannot_be_published(graph, capfd):
     guarded = listener.message_guard.wrap_publish('strain', publish)
     for number in range(3):
         guarded(number)
-    assert sent == [1, 2]  # the first message failed twice, the second once
+    assert sent == [1, 2]  # message 0 failed twice, message 1 once
     assert listener.message_guard.unpublished.count == 1
     assert listener.message_guard.warning.startswith('could not publish a message on strain')
     assert listener.message_guard.values['unpublished_messages'] == 1
@@ -150,7 +150,7 @@ def test_an_impossible_clock_does_not_end_a_node(context, spun):
         message = Clock()
         message.clock.sec, message.clock.nanosec = sec, nanosec
         clock.publish(message)
-        # The queue holds one message, so some messages of each kind are taken, but not all.
+        # The queue contains only the newest message, so the node receives some of these messages.
         assert clock.wait_for_all_acked(Duration(seconds=DEADLINE_S))
     wait_until(lambda: listener.get_clock().now().nanoseconds == 5 * 10**9)
     assert not group.ended.is_set()

@@ -127,9 +127,9 @@ def test_entities_may_be_destroyed_while_the_executor_waits(context, request):
 
 
 def test_garbage_collections_skip_what_existed_when_the_nodes_started(context):
-    """A full collection stops every thread, and takes longer the more objects exist."""
+    """The more objects exist, the longer a full garbage collection stops all threads."""
     frozen = gc.get_freeze_count()
-    gc.unfreeze()  # as at the start of a program
+    gc.unfreeze()  # no objects are skipped at the start of a program
     try:
         before = [[number] for number in range(100_000)]
         with NodeGroup([Node('any', context=context)], context=context):

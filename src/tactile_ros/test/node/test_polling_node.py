@@ -25,7 +25,7 @@ Nothing = make_dataclass('Nothing', [], frozen=True)
 
 
 class Listener(PollingNode):
-    """Records the messages of topics, and the threads on which they arrive."""
+    """Stores the numbers in received messages, and the threads on which they are handled."""
 
     def __init__(self, name, **options):
         super().__init__(name, Nothing, **options)
@@ -43,7 +43,10 @@ class Listener(PollingNode):
 
 @pytest.fixture
 def pair(context, spun):
-    """Return a publisher of numbers and a node that polls them, once the two have matched."""
+    """Return a function that starts a publisher of numbers and a node that polls them.
+
+    The function returns when publisher and subscription have discovered each other.
+    """
 
     def make(take=None, profile=STREAM, poll_s=0.005, **options):
         peer, listener = Node('peer', context=context), Listener('listener', context=context)
@@ -192,7 +195,7 @@ def test_a_node_that_is_destroyed_meanwhile_does_not_end_the_periodic_calls_of_o
 
 
 class Doubling(Stage):
-    """A stage that emits twice its input, and counts the messages that it creates."""
+    """A stage that doubles numbers. It stores the numbers for which it created a message."""
 
     def __init__(self, node, emit):
         self.node, self.emit = node, emit
@@ -258,7 +261,7 @@ def test_one_stage_after_the_other_by_calls_and_by_topics(context, spun, by_call
     )
     wait_until(lambda: first.stage.numbers._publisher.get_subscription_count() == 2 - by_calls)
     take(3)
-    # the first message after the change has arrived
+    # The new subscriber receives the first message that is published after its discovery.
     wait_until(lambda: heard == [6] and results == [4, 8, 12])
     peer.destroy_subscription(outside)
     stage = first.stage

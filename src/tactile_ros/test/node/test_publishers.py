@@ -25,7 +25,7 @@ def test_the_quality_of_a_stream_can_be_overridden_and_that_of_others_stays(cont
         context=context,
         parameter_overrides=[Parameter(name, value='best_effort')],
     )
-    for _ in range(2):  # also when it is configured again
+    for _ in range(2):  # a node that is configured again creates its publishers again
         made = [node.create_stream_publisher(String, topic) for topic in ('~/one', '~/two')]
         reliability = [
             node.get_publishers_info_by_topic(publisher.topic_name)[0].qos_profile.reliability
@@ -54,7 +54,7 @@ def test_each_subscriber_gets_what_it_expects(context, spun):
     listen('e', LATCHED)
     spun(other)
     wait_until(lambda: [p.get_subscription_count() for p in publishers] == [2, 3])
-    wait_until(lambda: heard['e', id(LATCHED)])  # before later messages take its place
+    wait_until(lambda: heard['e', id(LATCHED)])  # before the next message replaces the latched one
 
     def have_all_heard():
         for publisher in publishers:

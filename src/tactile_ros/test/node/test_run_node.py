@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node's process: how it starts and how it ends."""
+"""Start and end of a process that runs one node."""
 
 import os
 import signal
@@ -62,7 +62,7 @@ sys.exit(code)
 """
 
 END_S = 60.0
-"""Longest time [s] in which a process ends on a busy computer."""
+"""Timeout for the end of a process on a busy computer [s]."""
 
 
 def start(*arguments):
@@ -123,7 +123,7 @@ def test_ctrl_z_does_not_stop_a_node():
     assert process.stdout.readline().strip() == 'started'
     for number in (signal.SIGTSTP, signal.SIGTTOU):
         os.killpg(process.pid, number)
-    process.send_signal(signal.SIGINT)  # a stopped process would not act on it
+    process.send_signal(signal.SIGINT)  # a suspended process would ignore this
     try:
         output, errors = process.communicate(timeout=END_S)
     finally:
@@ -135,7 +135,7 @@ def test_a_second_signal_does_not_change_the_exit_code():
     process = start()
     assert process.stdout.readline().strip() == 'started'
 
-    def send():  # signals are also sent while the interpreter ends
+    def send():  # called until the process has ended
         process.send_signal(signal.SIGINT)
         time.sleep(0.001)
 
@@ -152,4 +152,4 @@ def test_a_process_that_hangs_after_its_node_is_ended_with_one():
     output, errors = process.communicate(timeout=END_S)
     assert process.returncode == 1
     assert output.strip() == 'torn down'
-    assert 'Timeout' in errors  # the output contains a traceback of the hanging thread
+    assert 'Timeout' in errors  # the traceback of the hanging thread is printed

@@ -33,7 +33,7 @@ def test_a_process_that_looks_in_time_has_not_stood_still(watch, clock):
 
 
 def test_a_pause_is_a_standstill_and_is_remembered(watch, clock):
-    clock.now_s += 7.5  # a suspend, too, advances the clock
+    clock.now_s += 7.5  # the clock also advances during a suspend
     assert watch.look() == (7.5, 107.5)
     clock.now_s += 0.5
     assert watch.look() == (7.5, 107.5)

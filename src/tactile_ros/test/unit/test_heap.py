@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Large blocks are returned to the system when they are freed; small ones share one heap."""
+"""Large blocks of memory are returned to the system; small blocks of all threads share a heap."""
 
 import ctypes
 import os
@@ -40,7 +40,7 @@ met.wait()
 
 
 def measure(*arguments, **variables):
-    """Return the number of blocks mapped after a large one was freed, and if heaps are many."""
+    """Run a program; return its number of mapped blocks, and whether it has several heaps."""
     done = subprocess.run(
         [sys.executable, '-c', PROGRAM, *arguments],
         env={**os.environ, **variables},

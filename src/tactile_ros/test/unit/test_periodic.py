@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Periodic calls on a plain thread."""
+"""Periodic calls that a `Ticker` makes on its thread."""
 
 import threading
 import time
@@ -24,7 +24,7 @@ def test_calls_come_on_one_thread_until_they_are_cancelled():
         names.add(threading.current_thread().name)
         semaphore.release()
 
-    # a call with a shorter period does not wait for this one
+    # A function with a long period must not delay the functions with a short period.
     calls = [ticker.every(1000.0, names.clear)]
     calls += [ticker.every(0.001, lambda s=s: note(s)) for s in came]
     for semaphore in came:
@@ -101,7 +101,7 @@ def test_calls_whose_periods_have_a_common_multiple_are_due_together():
     calls = []
     for period_s, came in times.items():
         calls.append(ticker.every(period_s, lambda came=came: came.append(time.monotonic())))
-        time.sleep(0.003)  # the calls do not start together
+        time.sleep(0.003)  # the functions are added at different times
     dues_s = [call.due_s for call in calls]
     wait_until(lambda: all(len(came) >= 3 for came in times.values()))
     for call in calls:

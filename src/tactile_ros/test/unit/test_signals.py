@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Signals are never lost, regardless of the receiving thread and of waits in the main thread."""
+"""No signal is lost, even if another thread receives it or the main thread is waiting."""
 
 import signal
 import subprocess
@@ -32,7 +32,7 @@ threading.Thread(target=take, daemon=True).start()
 
 
 def run(program, number=signal.SIGINT):
-    """Run a program that holds signals; return its output."""
+    """Run a program that calls `hold_signals` and receives ``number``; return its output."""
     done = subprocess.run(
         [sys.executable, '-c', HOLD + program, str(int(number))],
         capture_output=True,

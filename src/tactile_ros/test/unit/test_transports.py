@@ -22,7 +22,7 @@ def test_on_this_computer_alone_a_profile_keeps_to_the_loopback_interface(distro
     asked = {**ros, RANGE: 'LOCALHOST'}
     for chosen in (choose_transports(asked, 'SUBNET'), choose_transports(ros, 'LOCALHOST')):
         profile = chosen.pop(variable)
-        assert chosen == {RANGE: 'SUBNET'}  # LOCALHOST would add shared memory
+        assert chosen == {RANGE: 'SUBNET'}  # with LOCALHOST, ROS would also use shared memory
         elements = ElementTree.parse(profile).iter()
         addresses = {e.text for e in elements if e.tag.endswith('address')}
         assert addresses == {'127.0.0.1'}
@@ -47,7 +47,7 @@ def test_what_does_not_surely_read_the_profile_keeps_the_range(ros):
     [
         ({}, 'SUBNET', {TRANSPORTS: 'UDPv4'}),
         ({RANGE: 'SUBNET'}, 'LOCALHOST', {TRANSPORTS: 'UDPv4'}),
-        # The choice of the user is kept, and no other transport is opened.
+        # If the user has chosen profiles or transports, no transport is selected.
         *(({profile: 'x', **JAZZY}, 'LOCALHOST', {}) for profile in PROFILES),
         ({TRANSPORTS: 'LARGE_DATA'}, 'SUBNET', {}),
         ({TRANSPORTS: 'LARGE_DATA'}, 'LOCALHOST', {RANGE: 'LOCALHOST'}),

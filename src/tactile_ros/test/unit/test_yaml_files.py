@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Untrusted YAML files are read, or refused with a message."""
+"""Each YAML text is either read or refused with a message, also if it is malicious."""
 
 from contextlib import suppress
 import os

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Finger, rig, plates and objects as YAML: reading, checking, and overriding."""
+"""Descriptions of fingers, rig, plates and objects, which are read from YAML files."""

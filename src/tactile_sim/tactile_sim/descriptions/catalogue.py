@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The descriptions of the simulator: the packaged ones, and a user's files that override them."""
+"""Descriptions of fingers, rig, plates and objects: packaged files, and files of the user."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tactile_sim.errors import DescriptionError
 
 _T = TypeVar('_T')
 _Files = dict[str, tuple[str, dict[str, Any]]]
-"""Path and values of each file of the user; the key is the name of the file."""
+"""Files of the user by name: the path, and the values that were read."""
 
 _LONGEST_SHOWN = 40
 _LARGEST_BYTES = 1 << 20
@@ -40,14 +40,16 @@ _LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z')
 _KEYED = ('finger_abduction.yaml', 'finger_flexion.yaml', 'rig.yaml')
 _LABELLED = {'texture': 'plates.yaml', 'stiffness': 'objects.yaml'}
 _GRAVITY_M_S2 = 9.80665
-# Deviations of each level (trial, mounting, session) are limited to three standard deviations.
+# Random deviations are limited to this number of standard deviations, on each level of variation
+# (trial, mounting and session).
 _WIDEST = 3.0
 
 
 def _parse_text(text: str, name: str) -> dict[str, Any]:
-    """Return the mapping in a YAML text; ``name`` is the name of the file in messages.
+    """Parse a YAML text that contains a mapping.
 
-    Raises `DescriptionError` when the text is not a mapping.
+    ``name`` is the name of the file for error messages. Raises `DescriptionError` when the text is
+    not a mapping.
     """
     try:
         values = load_yaml(text)
@@ -59,8 +61,7 @@ def _parse_text(text: str, name: str) -> dict[str, Any]:
 
 
 def parse_description(kind: type[_T], values: object, name: str) -> _T:
-    """Build one frozen description from plain values.
-
+    """Build a description, which is an instance of the dataclass ``kind``, from plain values.
     Raises `DescriptionError` when a key is missing or unknown, or a value has the wrong type or is
     out of range.
     """
@@ -87,7 +88,7 @@ def parse_description(kind: type[_T], values: object, name: str) -> _T:
 
 
 def show(value: object) -> str:
-    """Return a value for use in a message, shortened if it is long."""
+    """Format a value for an error message; a long text is truncated."""
     text = ascii(value)
     return text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}...'
 
@@ -128,17 +129,17 @@ _PACKAGED = Path(__file__).resolve().parents[1] / 'config'
 
 @dataclass(frozen=True, init=False)
 class Catalogue:
-    """Catalogue of the simulator: fingers, rig, plates and objects.
+    """Descriptions of all fingers, plates and objects that can be simulated, and of the rig.
 
-    The catalogue is small, hashable and picklable. It holds the contents of the files at its
-    creation, so that other processes need no files.
+    The catalogue is small, hashable and picklable. It contains the values that its files had when
+    it was created, so that another process can use it without the files.
 
     Parameters
     ----------
     folder : Path or None
-        Folder with files that override the packaged files of the same name (folder ``config``).
-        The files of the rig and of the fingers override single values, the files of plates and
-        objects override whole entries. None: only the packaged files are used.
+        Folder of the user. Its files override the packaged files with the same name, which are in
+        the folder ``config``. Files of the rig and of the fingers override single values; files of
+        plates and objects override whole entries. If None, only the packaged files are used.
 
     Raises
     ------
@@ -171,7 +172,7 @@ class Catalogue:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all descriptions; equal descriptions have equal digests."""
+        """SHA-256 digest of the contents of the catalogue."""
         shelves = (self._fingers, self._rig, self._plates, self._bodies)
         return hashlib.sha256(repr(shelves).encode()).hexdigest()
 
@@ -182,11 +183,11 @@ class Catalogue:
         return dict(self._fingers)[contact]
 
     def rig(self) -> Rig:
-        """Return the rig around the finger."""
+        """Return the description of the rig."""
         return self._rig
 
     def with_rig(self, rig: Rig) -> Catalogue:
-        """Return a catalogue with the same fingers, plates and objects, and another rig."""
+        """Return a copy of the catalogue that has another rig."""
         other = copy.copy(self)
         object.__setattr__(other, '_rig', rig)
         return other
@@ -206,9 +207,10 @@ class Catalogue:
         self.finger(contact)
 
     def labels(self, protocol: str) -> tuple[str, ...]:
-        """Return the labels of a protocol: first the packaged ones, in the order of the paper.
+        """Return the labels of the plates or objects that a protocol uses.
 
-        Raises `DescriptionError` for an unknown protocol.
+        The packaged labels come first, in the order of the paper. Raises `DescriptionError` for an
+        unknown protocol.
         """
         if protocol not in PROTOCOLS:
             raise DescriptionError(f'protocol is {show(protocol)}; it must be one of {PROTOCOLS}')
@@ -223,7 +225,10 @@ def default_catalogue() -> Catalogue:
 
 
 def list_objects(protocol: str) -> tuple[str, ...]:
-    """Return the packaged labels of a protocol; raise DescriptionError for an unknown one."""
+    """Return the packaged labels of plates or objects that a protocol uses.
+
+    Raises `DescriptionError` for an unknown protocol.
+    """
     return default_catalogue().labels(protocol)
 
 
@@ -236,7 +241,7 @@ def _find(shelf: tuple[tuple[str, _T], ...], label: str, what: str) -> _T:
 
 
 def _read_folder(folder: Path) -> _Files:
-    """Read the files of a user."""
+    """Read and parse all files in the user's folder of descriptions."""
     known = sorted((*_KEYED, *_LABELLED.values()))
     try:
         names = sorted(path.name for path in folder.iterdir() if not path.name.startswith('.'))
@@ -272,7 +277,7 @@ def _parse_keyed(kind: type[_T], name: str, files: _Files) -> _T:
 
 
 def _lay_over(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``below`` with the values of ``above``, merged mapping by mapping."""
+    """Return a copy of ``below`` in which ``above`` overrides values, also in nested mappings."""
     merged = dict(below)
     for key, value in above.items():
         under = below.get(key)
@@ -298,7 +303,7 @@ def _parse_labelled(kind: type[_T], name: str, files: _Files) -> tuple[tuple[str
 
 
 def _check_finger(finger: Finger, rig: Rig, where: str) -> None:
-    """Refuse a finger that this rig cannot pull to its contact bend."""
+    """Raise `DescriptionError` if the tendon cannot bend the finger to its contact bend."""
     bend_rad = math.radians(finger.contact_bend_deg)
     moment_nm = finger.bending_stiffness_nm_rad * bend_rad - _compute_weight_nm(finger, bend_rad)
     if moment_nm <= 0.0:
@@ -325,10 +330,10 @@ def _check_finger(finger: Finger, rig: Rig, where: str) -> None:
 
 
 def _compute_weight_nm(finger: Finger, bend_rad: float) -> float:
-    """Return the moment of the weight on an arc of constant curvature [N m].
+    """Return the bending moment of the weight of a finger with constant curvature [N m].
 
-    It is the derivative of the potential energy: the drop of the tip is L (1 - cos q) / q and the
-    mean drop is L (1 - sin q / q) / q.
+    It is the derivative of the potential energy by the bend q. For the length L, the tip is
+    lowered by L (1 - cos q) / q, and the finger by L (1 - sin q / q) / q on average.
     """
     q, ell = bend_rad, finger.length_m
     tip = ell * (q * math.sin(q) - 1 + math.cos(q)) / q**2

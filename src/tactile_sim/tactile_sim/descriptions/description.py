@@ -1,7 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig, its fingers, plates and objects as frozen dataclasses; ``catalogue`` reads them."""
+"""Frozen dataclasses that describe the rig, its fingers, plates and objects.
+
+The module ``catalogue`` reads them from YAML files.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ MOST_BRANCHES = 3
 MOST_POINTS = 1000
 
 
-# The ranges are wide: they reject typing errors and wrong units, but accept unusual rigs.
+# All ranges are wide. They reject typing errors and wrong units, but accept unusual rigs.
 def _between(low: float, high: float, **default: Any) -> Any:
     return dataclasses.field(metadata={'range': (low, high)}, **default)
 
@@ -47,7 +50,8 @@ class Finger:
     tip_shear_stiffness_n_m: float = _between(1.0, 1e8)
     contact_bend_deg: float = _between(0.1, 150.0)
     tendon_stiffness_n_m: float = _between(1.0, 1e7)
-    tendon_friction: float = _between(0.0, 0.15)  # the capstan series is valid up to a wrap of 0.3
+    # The upper limit is due to a series in `compute_balance`, which is valid for small friction.
+    tendon_friction: float = _between(0.0, 0.15)
     tendon_presliding_m: float = _between(1e-7, 1e-3)
     bend_stop_deg: float = _between(0.1, 150.0)
     stop_stiffness_nm_rad: float = _between(1e-3, 1e4)
@@ -63,11 +67,12 @@ class Finger:
 
 @dataclass(frozen=True)
 class Plate:
-    """A rigid texture plate: flat end, grooved zone, flat end; dimensions in millimetres.
+    """A rigid texture plate: a grooved zone between two flat ends.
 
-    Rectangular, triangular and circular grooves have a pitch, a width and a depth; ``none`` has
-    no grooves. ``profile`` has points: a polyline (x, height) over the grooved zone, whose x
-    increases from 0 to ``grooved_mm``; height 0 is the top of the plate.
+    ``groove`` is the shape of the grooves. Rectangular, triangular and circular grooves have a
+    pitch, a width and a depth. With ``none``, the plate has no grooves. With ``profile``, the
+    grooved zone is a polyline through the points (x, height) in ``points_mm``; x increases from 0
+    to ``grooved_mm``, and height 0 is the top of the plate.
     """
 
     groove: str
@@ -132,7 +137,7 @@ class Plate:
 
 @dataclass(frozen=True)
 class Branch:
-    """One relaxing branch of a Prony series: a spring in series with a dashpot."""
+    """One branch of a viscoelastic object (Prony series): a spring in series with a dashpot."""
 
     stiffness_n_m: float = _between(1e-9, 1e9)
     relaxation_time_s: float = _between(1e-3, 1e5)
@@ -140,12 +145,13 @@ class Branch:
 
 @dataclass(frozen=True)
 class Body:
-    """An object to press on; ``stiffness_n_m`` 0 means that there is no object.
+    """A soft object on which the fingertip presses in a stiffness trial.
 
-    ``stiffness_n_m`` is the stiffness after relaxation; up to three ``branches`` add relaxing
-    parts. Far below the compression ``softening_m`` [m], the force is proportional to the
-    compression; far above it, to the square root of the compression, as in a buckling shell
-    (Pogorelov). For a solid, ``softening_m`` is 0, and the force is always proportional.
+    ``stiffness_n_m`` is the stiffness after complete relaxation; 0 means that there is no object.
+    Up to three ``branches`` add parts of the stiffness that relax. For compressions far below
+    ``softening_m`` [m], the force is proportional to the compression. Far above it, the force is
+    proportional to the square root of the compression, as for a buckling shell (Pogorelov). If
+    ``softening_m`` is 0, as for a solid, the force is always proportional to the compression.
     ``friction`` is the friction coefficient of the fingertip on the object [1].
     """
 
@@ -183,7 +189,7 @@ class Guide:
 
 @dataclass(frozen=True)
 class TendonDrive:
-    """The Dynamixel and its pulley."""
+    """The Dynamixel servo that pulls the tendon, and its pulley."""
 
     pulley_radius_m: float = _between(1e-3, 0.2)
     counts_per_turn: int = _between(16, 1 << 24)
@@ -198,13 +204,13 @@ class TendonDrive:
 
     @property
     def m_per_count(self) -> float:
-        """Tendon length tightened per count of the encoder [m]."""
+        """Length of tendon that the pulley winds up per count of the encoder [m]."""
         return 2 * math.pi * self.pulley_radius_m / self.counts_per_turn
 
 
 @dataclass(frozen=True)
 class LoadCell:
-    """The load cell on the tendon; the module ``sensing`` uses these numbers."""
+    """The load cell on the tendon, whose errors the module ``sensing`` simulates."""
 
     rate_hz: float = _between(1.0, 1e4)
     clock_error_ppm: float = _between(-1e4, 1e4)
@@ -222,13 +228,13 @@ class LoadCell:
 
     @property
     def period_s(self) -> float:
-        """True time between two samples, including the error of the device clock [s]."""
+        """True time between two samples [s]. It includes the error of the load cell's clock."""
         return (1 + self.clock_error_ppm * 1e-6) / self.rate_hz
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Positions of plate, tray and object in the frame of the guide."""
+    """Positions of plate, tray and object, in coordinates of the linear guide."""
 
     texture_guide_m: float = _between(0.0, 10.0)
     texture_lead_m: float = _between(0.0, 1.0)
@@ -239,7 +245,10 @@ class Placement:
 
 @dataclass(frozen=True)
 class VariationSpread:
-    """Standard deviations; fields without a unit are relative."""
+    """Standard deviations of randomly varied quantities.
+
+    A field whose name has no unit is relative to the mean of the quantity.
+    """
 
     contact_height_m: float = _between(0.0, 0.01)
     placement_m: float = _between(0.0, 0.05)
@@ -255,8 +264,8 @@ class VariationSpread:
 class VariationLevels:
     """Random variation between trials, between mountings and between sessions.
 
-    In a mounting, a plate or object is fixed once and not moved. In a session, the finger and the
-    rig are set up once.
+    A mounting is a series of trials for which a plate or object is fixed once. A session is a
+    series of mountings for which the finger and the rig are set up once.
     """
 
     trial: VariationSpread

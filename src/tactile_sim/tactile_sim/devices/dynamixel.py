@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated Dynamixel XM430-W350 that answers packets and winds the tendon."""
+"""A simulated Dynamixel XM430-W350 servo. It answers packets, and its pulley winds the tendon."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ ACCELERATION_COUNTS_S2 = 214.577 / 3600 * COUNTS_PER_TURN
 
 
 class Instruction(NamedTuple):
-    """One instruction packet; its parameters are unstuffed."""
+    """One received instruction packet. Byte stuffing is removed from its parameters."""
 
     device_id: int
     code: int
@@ -64,7 +64,8 @@ _CRC_TABLE = _make_crc_table()
 def compute_crc(data: bytes) -> int:
     """Return the CRC-16 with polynomial 0x8005, initial value 0, not reflected.
 
-    The function of ROBOTIS's SDK takes a third longer, and a late answer counts as silence.
+    This function is used instead of the one in ROBOTIS's SDK, which takes a third longer, because
+    the driver ignores an answer that is late.
     """
     crc = 0
     for byte in data:
@@ -80,7 +81,7 @@ def encode_status(device_id: int, error: int, parameters: bytes = b'') -> bytes:
 
 
 class InstructionParser:
-    """Parser of instruction packets in byte chunks of any size, with garbage between packets."""
+    """Parser of instruction packets in received bytes. It ignores garbage between packets."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -105,7 +106,8 @@ class InstructionParser:
                 return None
             length = int.from_bytes(buffer[5:7], 'little')
             end = 7 + length
-            # Stuffing keeps headers out of a body: a header inside means a truncated packet.
+            # Because of byte stuffing, a complete packet contains no second header. If there is
+            # one, the first packet is truncated.
             broken = buffer.find(HEADER, 4, end - 2)
             if not 3 <= length <= MAX_LENGTH or buffer[4] > BROADCAST_ID:
                 del buffer[0]
@@ -122,7 +124,10 @@ class InstructionParser:
 
 
 class Field(NamedTuple):
-    """A register with its value at power-up. If it has no limits, it is read-only."""
+    """A register, its value at power-up, and the limits of its values.
+
+    A register without limits is read-only.
+    """
 
     register: Register
     initial: int
@@ -158,10 +163,9 @@ _BY_ADDRESS = {field.register.address: field for field in FIELDS}
 
 
 class Foreseen(NamedTuple):
-    """Future motion of the servo, provided that the tension does not interfere.
+    """Motion of the servo, computed in advance for the case that the tension does not stop it.
 
-    All arrays have shape (times,): times [s], position [counts], velocity [counts/s],
-    displacement [m].
+    All arrays have shape (times,). Positions are in counts, velocities in counts/s.
     """
 
     times_s: FloatArray
@@ -170,12 +174,12 @@ class Foreseen(NamedTuple):
     displacement_m: FloatArray
 
     def shorten(self, count: int) -> Foreseen:
-        """Return the first ``count`` steps."""
+        """Return the motion at the first ``count`` times."""
         return Foreseen(*(values[:count] for values in self))
 
 
 class AccessError(Exception):
-    """A read or write that the servo answers with an error number."""
+    """A read or write instruction is invalid. The servo answers it with this error number."""
 
     def __init__(self, error: int) -> None:
         super().__init__(f'status error {error}')
@@ -183,19 +187,22 @@ class AccessError(Exception):
 
 
 class ControlTable(dict[Register, int]):
-    """Value of each register."""
+    """The registers of the servo, and their values."""
 
     def __init__(self) -> None:
         super().__init__((field.register, field.initial) for field in FIELDS)
 
     def reset_ram(self) -> None:
-        """Reset all registers that a loss of power resets."""
+        """Set the registers in RAM to their values at power-up."""
         for field in FIELDS:
             if field.register.address >= EEPROM_END:
                 self[field.register] = field.initial
 
     def read(self, address: int, length: int) -> bytes:
-        """Return bytes of the table; gaps read as 0. Raises AccessError beyond its end."""
+        """Return ``length`` bytes at an address.
+
+        Bytes that belong to no register are 0. Raises `AccessError` beyond the end of the table.
+        """
         if address + length > TABLE_END:
             raise AccessError(ERROR_RANGE)
         table = bytearray(TABLE_END)
@@ -240,7 +247,8 @@ class ControlTable(dict[Register, int]):
 class DynamixelDevice:
     """The servo and its pulley.
 
-    Positions are in counts; tightening increases them. The servo moves only in mode 5.
+    Positions are in counts. They increase when the servo tightens the tendon. The servo moves only
+    in operating mode 5, current-based position control.
     """
 
     def __init__(self, drive: TendonDrive) -> None:
@@ -251,7 +259,7 @@ class DynamixelDevice:
         self._fed_s = 0.0
         self._silent_until_s = -math.inf
         self._tension_n = 0.0
-        self._turns_off = 0  # whole turns lost by a restart [counts]
+        self._turns_off = 0  # whole turns forgotten at a restart [counts]
         self._stalled = False
         self._is_hot = False
         self._position = float(drive.slack_count)
@@ -263,19 +271,19 @@ class DynamixelDevice:
 
     @property
     def _offset(self) -> int:
-        """Offset of the present position register from the pulley position [counts]."""
+        """Value of the register for the present position, minus the pulley's position [counts]."""
         return self._turns_off + self._table[known.HOMING_OFFSET]
 
     @property
     def displacement_m(self) -> float:
-        """Displacement of the tendon from ``slack_count``, the position where slack ends [m].
+        """Displacement of the tendon, which tightening increases [m].
 
-        Tightening increases it.
+        It is 0 at the position ``slack_count``, where the tendon is no longer slack.
         """
         return (self._position - self._drive.slack_count) * self._drive.m_per_count
 
     def advance(self, now_s: float, tension_n: float) -> None:
-        """Advance to ``now_s`` against this tension [N]."""
+        """Simulate the motion up to ``now_s`` [s] under the tension ``tension_n`` [N]."""
         elapsed_s = now_s - self._now_s
         self._now_s, self._tension_n = now_s, tension_n
         self._check_watchdog()
@@ -303,9 +311,9 @@ class DynamixelDevice:
         return self._velocity == 0.0 and self._trajectory.end_s == -math.inf
 
     def rests_until_s(self, tension_n: float) -> float:
-        """Return the time until which the servo rests under this tension, as far as known [s].
+        """Return the time until which the servo will not move under this tension [s].
 
-        While the servo moves, the time is in the past.
+        An instruction can move it earlier. While the servo moves, the result is minus infinity.
         """
         if not self._table[known.TORQUE_ENABLE]:
             return math.inf if tension_n <= self._drive.back_drive_n else -math.inf
@@ -317,13 +325,13 @@ class DynamixelDevice:
         return self._fed_s + watchdog * known.WATCHDOG_STEP_S - _EARLY_S
 
     def rest(self, now_s: float, tension_n: float) -> None:
-        """Advance to ``now_s`` without moving; ``now_s`` must be before `rests_until_s`."""
+        """Set the time to ``now_s``, which must be before `rests_until_s`, without motion."""
         self._now_s, self._tension_n = now_s, tension_n
 
     def foresee(self, times_s: FloatArray) -> Foreseen:
-        """Return the results of `advance` at increasing times, if the tension does not interfere.
+        """Compute the motion at increasing times, as if the tension did not stop the servo.
 
-        The result ends before the watchdog trips.
+        The result ends before the bus watchdog would trip.
         """
         watchdog = self._table[known.BUS_WATCHDOG]
         has_torque = bool(self._table[known.TORQUE_ENABLE])
@@ -339,9 +347,10 @@ class DynamixelDevice:
         return Foreseen(times_s, position, velocity, displacement_m)
 
     def follow(self, foreseen: Foreseen, tension_n: FloatArray) -> int:
-        """Take computed steps until the tension stops the servo; return the number of steps.
+        """Carry out a motion that `foresee` has computed, until the tension changes it.
 
-        ``tension_n``, shape (times,), is the tension before each step [N].
+        ``tension_n``, shape (times,), is the tension before each step [N]. Return the number of
+        steps that were carried out.
         """
         if not self._table[known.TORQUE_ENABLE]:
             goes_on = tension_n <= self._drive.back_drive_n
@@ -359,22 +368,22 @@ class DynamixelDevice:
         return count
 
     def fail(self, hardware_error: int) -> None:
-        """Set a hardware error, such as overheating or overload."""
+        """Set a hardware error, such as overheating or overload, which switches the torque off."""
         self._table[known.HARDWARE_ERROR] |= hardware_error
         self._table[known.TORQUE_ENABLE] = 0
 
     def heat(self, temperature_c: int) -> None:
-        """Set a temperature above the limit. Until `cool` is called, a reboot does not help."""
+        """Set a temperature above the limit. A reboot does not end the error before `cool`."""
         self._is_hot = True
         self._table[known.PRESENT_TEMPERATURE] = temperature_c
 
     def cool(self) -> None:
-        """Return to the normal temperature; an existing error remains."""
+        """Set the normal temperature. An error that is already set remains."""
         self._is_hot = False
         self._table[known.PRESENT_TEMPERATURE] = ROOM_C
 
     def restart(self) -> None:
-        """Lose power for a moment."""
+        """Simulate a short interruption of the power supply."""
         self._parser = InstructionParser()
         self._reboot()
 
@@ -474,7 +483,7 @@ class DynamixelDevice:
         self._trajectory = Trajectory(position, [], position)
 
     def _go(self, goal: int) -> None:
-        """Start the profile to a goal from the present position and velocity."""
+        """Start a motion profile from the present position and velocity to a goal position."""
         if self._table[known.OPERATING_MODE] != known.MODE_CURRENT_BASED_POSITION:
             return
         per_m = 1 / self._drive.m_per_count
@@ -505,7 +514,10 @@ class DynamixelDevice:
             self._trajectory = Trajectory(self._position, stop, end)
 
     def _load_a(self, direction: float) -> float:
-        """Return the current for the tension and the friction of the gear [A]."""
+        """Return the motor current that balances the tension and the friction of the gear [A].
+
+        ``direction`` has the sign of the velocity.
+        """
         torque_nm = self._tension_n * self._drive.pulley_radius_m
         friction_a = math.copysign(self._drive.friction_current_a, direction) if direction else 0.0
         return torque_nm / self._drive.torque_constant_nm_a + friction_a
@@ -515,7 +527,7 @@ class DynamixelDevice:
         return limit * known.CURRENT_UNIT_A
 
     def _refresh(self) -> None:
-        """Write present values to the table."""
+        """Write the present position, velocity, current and other values to their registers."""
         current_a = self._load_a(self._velocity) if self._table[known.TORQUE_ENABLE] else 0.0
         current_a = max(min(current_a, self._limit_a()), -self._limit_a())
         self._table[known.PRESENT_POSITION] = round(self._position) + self._offset

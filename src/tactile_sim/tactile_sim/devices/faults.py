@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the devices and of the serial lines between devices and drivers."""
+"""Faults of simulated devices, and of the serial lines between devices and drivers."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ MOST_GARBAGE_BYTES = 12
 _EARLY_S = 1e-9
 
 Splitter = Callable[[bytes], Sequence[bytes]]
-"""Splits the output of a device into records: lines or packets."""
+"""Function that splits the output of a device into records, which are lines or packets."""
 
 OVERLOAD = 0x20
-HIGHEST_C = 255  # the register has one byte
+HIGHEST_C = 255  # the temperature register of the servo has one byte
 END = 'none'
-"""The kind that ends all faults of a device."""
+"""Kind of fault in a request that ends all faults of a device."""
 
 MOST = 1e6
-"""Largest duration [s], and largest value of an option."""
+"""Largest duration of a fault [s], and largest value of an option of a fault."""
 
 MOMENTS = ('alarm', 'overload', 'restart', 'stall')
-"""Kinds that are instantaneous and have no duration."""
+"""Kinds of faults that are instantaneous, so that they have no duration."""
 
 
 class LineFault:
-    """A fault of a line; this base class does not change the bytes.
+    """Base class of faults of a serial line, which does not change the transmitted bytes.
 
-    ``on_end`` is called at the end of the fault. If ``is_spent`` is True, the fault ends before
-    its time.
+    ``on_end`` is called at the end of the fault. A fault sets ``is_spent`` to True if it ends
+    before its requested duration.
     """
 
     def __init__(self, on_end: Callable[[], None] = lambda: None) -> None:
@@ -46,26 +46,29 @@ class LineFault:
         self.is_spent = False
 
     def say(self, data: bytes, now_s: float) -> bytes:
-        """Return the bytes that reach the driver from the device; see `due_s`."""
+        """Return the bytes that reach the driver if the device sends ``data``."""
         return data
 
     def hear(self, data: bytes) -> bytes:
-        """Return the bytes that reach the device from the driver."""
+        """Return the bytes that reach the device if the driver sends ``data``."""
         return data
 
     @property
     def due_s(self) -> float:
-        """Time from which `say` may return bytes although the device sends none [s]."""
+        """Time from which `say` can return bytes even if the device sends nothing [s]."""
         return math.inf
 
     def end(self) -> bytes:
-        """End the fault; return the bytes that it has delayed."""
+        """End the fault, and return the bytes that it has delayed until now."""
         self._on_end()
         return b''
 
 
 class Cut(LineFault):
-    """A broken wire: bytes from the device, bytes to the device, or both are lost."""
+    """A broken wire, which loses all bytes from the device, to the device, or both.
+
+    ``says`` is True if bytes from the device arrive, and ``hears`` if bytes to the device arrive.
+    """
 
     def __init__(self, says: bool, hears: bool, on_end: Callable[[], None] = lambda: None) -> None:
         super().__init__(on_end)
@@ -79,7 +82,7 @@ class Cut(LineFault):
 
 
 class Burst(LineFault):
-    """An adapter that buffers bytes and delivers them in bursts, one per period [s]."""
+    """A serial adapter that buffers bytes from the device, and delivers them once per period."""
 
     def __init__(self, period_s: float) -> None:
         super().__init__()
@@ -97,7 +100,7 @@ class Burst(LineFault):
 
     @property
     def due_s(self) -> float:
-        # Rounded down, because the quotient in `say` may be rounded as well.
+        # Slightly early, because the rounded quotient in `say` can reach the next number early.
         return (self._clump + 1) * self._period_s - _EARLY_S
 
     def end(self) -> bytes:
@@ -110,7 +113,7 @@ class Burst(LineFault):
 
 
 class Drop(LineFault):
-    """Whole records are lost: the first ``count`` records that ``is_wanted`` selects."""
+    """The first ``count`` records for which ``is_wanted`` returns True are lost."""
 
     def __init__(self, split: Splitter, count: float, is_wanted: Callable[[bytes], bool]) -> None:
         super().__init__()
@@ -131,7 +134,7 @@ Spoil = Callable[[bytes, random.Random], bytes]
 
 
 class Spoiler(LineFault):
-    """A fraction ``share`` of the records is damaged."""
+    """The function ``spoil`` damages a random fraction ``share`` of the records."""
 
     def __init__(self, spoil: Spoil, split: Splitter, share: float, chance: random.Random) -> None:
         super().__init__()
@@ -162,7 +165,7 @@ def flip_bit(record: bytes, chance: random.Random) -> bytes:
 
 
 class Noise(LineFault):
-    """Incomplete packets arrive without a request: the beginnings of ``packet``."""
+    """Incomplete copies of ``packet`` arrive at the driver, although it has requested nothing."""
 
     def __init__(self, packet: bytes, chance: random.Random) -> None:
         super().__init__()
@@ -198,14 +201,15 @@ class WrongBaud(LineFault):
 
 
 def resample_uart(data: bytes, ratio: float) -> bytes:
-    """Return what a receiver with another baud rate reads of bytes sent without pauses, 8N1.
+    """Return the bytes that a receiver with another baud rate reads.
 
-    A byte whose stop bit is missing is read as 0, as Linux does by default. ``ratio`` is the rate
-    of the sender divided by the rate of the receiver. If it is 1, the bytes are unchanged.
+    The sender transmits ``data`` without pauses, with 8 data bits, no parity and one stop bit. A
+    byte whose stop bit is missing is read as 0, as on Linux by default. ``ratio`` is the baud rate
+    of the sender divided by the baud rate of the receiver; if it is 1, the bytes do not change.
     """
     bits = [bit for byte in data for bit in (0, *(byte >> i & 1 for i in range(8)), 1)]
 
-    def level(time: float) -> int:  # in bits of the sender; the idle line is high
+    def level(time: float) -> int:  # the unit of time is one bit of the sender
         return bits[int(time)] if time < len(bits) else 1
 
     heard = bytearray()
@@ -217,7 +221,7 @@ def resample_uart(data: bytes, ratio: float) -> bytes:
         *byte, stop = (level(time + (i + 0.5) * ratio) for i in range(1, 10))
         heard.append(sum(bit << i for i, bit in enumerate(byte)) if stop else 0)
         time += 9.5 * ratio
-        while not level(time):  # a start bit must follow an idle line
+        while not level(time):  # a start bit needs a high level before it
             time = math.floor(time) + 1.0
     return bytes(heard)
 
@@ -245,14 +249,15 @@ KINDS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
         'restart': {},
     },
 }
-"""Faults of each device, with the defaults of their options; docs/faults.md describes them."""
+"""For each device, its kinds of faults with the default values of their options. The page
+docs/faults.md describes the faults."""
 
 
 class FaultRequest(NamedTuple):
-    """A requested fault; see `KINDS`.
+    """Request to begin a fault of one of the `KINDS`, or to end all faults of a device.
 
-    The kind ``none`` ends all faults of the device. ``lasting_s`` is the duration [s], infinite if
-    the fault lasts until it is ended. ``options`` are complete.
+    The kind ``none`` ends all faults of the device. ``lasting_s`` is the duration [s]; it is
+    infinite if the fault lasts until a request ends it. ``options`` includes default values.
     """
 
     device: str
@@ -262,9 +267,10 @@ class FaultRequest(NamedTuple):
 
 
 def read_request(document: Any) -> FaultRequest:
-    """Read the object ``{"device": ..., "kind": ..., "duration_s": ..., options ...}``.
+    """Convert a parsed JSON object to a `FaultRequest`.
 
-    Raises `RigError` for an unknown fault or an invalid option.
+    The object has the keys ``device`` and ``kind``, and optionally ``duration_s`` and options of
+    the fault. Raises `RigError` for an unknown fault or an invalid option.
     """
     if not isinstance(document, dict) or not {'device', 'kind'} <= set(document):
         raise RigError('a fault needs "device" and "kind"')
@@ -299,7 +305,7 @@ def _check_number(name: str, value: Any) -> None:
 
 
 class Device(Protocol):
-    """A simulated device: receives and returns bytes at given times."""
+    """Interface of a simulated device, which receives bytes and returns its answers."""
 
     def receive(self, data: bytes, now_s: float) -> bytes: ...
 
@@ -313,7 +319,10 @@ _D = TypeVar('_D', bound=Device)
 
 
 class FaultyLine(Generic[_D]):
-    """A device with its line, which works until a fault begins; ``seed`` is for random faults."""
+    """A device and its serial line, which can have faults.
+
+    ``seed`` is the seed of faults that damage records at random.
+    """
 
     def __init__(self, device: _D, seed: int) -> None:
         self._device = device
@@ -327,29 +336,29 @@ class FaultyLine(Generic[_D]):
 
     @property
     def due_s(self) -> float:
-        """Time of the next `poll` that may return or change something, if nothing is received."""
+        """Time at which `poll` must be called next, if the driver sends nothing before [s]."""
         due_s = self._device.due_s
         for fault, until_s in self._running.values():
             due_s = min(due_s, -math.inf if fault.is_spent else min(fault.due_s, until_s))
         return due_s
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Receive bytes from the driver; return bytes that arrive there immediately."""
+        """Pass bytes from the driver to the device; return bytes that reach the driver now."""
         held = self._end_due(now_s)
         for fault, _ in self._running.values():
             data = fault.hear(data)
         return held + self._say(self._device.receive(data, now_s), now_s)
 
     def poll(self, now_s: float) -> bytes:
-        """Return the bytes that arrive at the driver by ``now_s``."""
+        """Return the bytes that reach the driver between the last call and ``now_s``."""
         held = self._end_due(now_s)
         return held + self._say(self._device.poll(now_s), now_s)
 
     def begin(self, request: FaultRequest, now_s: float) -> None:
-        """Begin a fault of this device; the kind ``none`` ends all faults."""
+        """Begin the requested fault, or end all faults if the kind is ``none``."""
         for kind in list(self._running):
             if request.kind in (END, kind):
-                # Bytes that the previous connection has delayed are dropped.
+                # The bytes that this fault has delayed are lost.
                 self._running.pop(kind)[0].end()
         if request.kind == END:
             return
@@ -374,7 +383,7 @@ class FaultyLine(Generic[_D]):
     def _make_fault(self, wanted: FaultRequest) -> LineFault:
         """Return the requested fault of the serial line.
 
-        Subclasses override this to add faults of their device.
+        A subclass overrides this method to add faults that only its device has.
         """
         match wanted.kind:
             case 'mute':
@@ -391,13 +400,13 @@ class FaultyLine(Generic[_D]):
                 return WrongBaud(wanted.options['ratio'])
             case 'drop':
                 return Drop(self._split, wanted.options['count'], self._can_be_lost)
-        return Cut(says=False, hears=False)  # unplugged
+        return Cut(says=False, hears=False)  # the kind ``unplug``
 
     def _make_spoiler(self, spoil: Spoil, wanted: FaultRequest) -> Spoiler:
         return Spoiler(spoil, self._split, wanted.options['share'], self._chance)
 
     def _happen(self, kind: str, now_s: float) -> None:
-        """Cause an instantaneous fault."""
+        """Let an instantaneous fault happen."""
         raise NotImplementedError
 
     def _split(self, data: bytes) -> list[bytes]:
@@ -408,7 +417,7 @@ class FaultyLine(Generic[_D]):
 
 
 class SensorLine(FaultyLine[LoadCellDevice]):
-    """The load cell, which is powered by its line."""
+    """The load cell and its serial line, which also supplies it with power."""
 
     def _make_fault(self, wanted: FaultRequest) -> LineFault:
         sensor = self._device
@@ -431,7 +440,7 @@ class SensorLine(FaultyLine[LoadCellDevice]):
 
 
 class GuideLine(FaultyLine[GrblDevice]):
-    """The controller of the guide, which has its own power supply."""
+    """The controller of the linear guide and its serial line; it has a separate power supply."""
 
     def _happen(self, kind: str, now_s: float) -> None:
         guide = self._device
@@ -443,7 +452,7 @@ class GuideLine(FaultyLine[GrblDevice]):
 
 
 class TendonLine(FaultyLine[DynamixelDevice]):
-    """The servo, which has its own power supply."""
+    """The servo of the tendon and its serial line; it has a separate power supply."""
 
     def _make_fault(self, wanted: FaultRequest) -> LineFault:
         servo = self._device

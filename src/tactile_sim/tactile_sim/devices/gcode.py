@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parser for the part of Grbl's G-code that a guide with one axis needs."""
+"""Parser of G-code, limited to the commands of Grbl that a guide with one axis needs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MODAL_GROUPS = {
 
 
 class GcodeError(Exception):
-    """A line that Grbl answers with ``error:code``."""
+    """A line of G-code is invalid. Grbl answers it with ``error:`` and the code."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f'error:{code}')
@@ -33,7 +33,7 @@ class GcodeError(Exception):
 
 @dataclass
 class Modal:
-    """Modal state of the G-code parser, kept from line to line."""
+    """Modal state of the G-code parser: values that remain valid for the following lines."""
 
     motion: str = '0'
     distance: str = '90'
@@ -42,10 +42,11 @@ class Modal:
 
 @dataclass(frozen=True)
 class Command:
-    """Motion or dwell that one line commands; None if there is none.
+    """The move or the dwell that one line of G-code commands.
 
-    ``target_mm`` is a machine coordinate of X [mm]. If ``feed_mm_min`` [mm/min] is None, the move
-    is a rapid. A dwell of ``dwell_s`` [s] begins when all motion has ended.
+    ``target_mm`` is the machine coordinate X at the end of the move [mm]; None without a move. If
+    ``feed_mm_min`` [mm/min] is None, the move has the maximum speed (G0). A dwell of ``dwell_s``
+    [s] begins when all motion has ended.
     """
 
     target_mm: float | None = None
@@ -54,10 +55,10 @@ class Command:
 
 
 def parse_gcode(line: str, modal: Modal, position_mm: float) -> Command:
-    """Parse one line in capitals, without spaces and comments; update ``modal``.
+    """Parse one line that `strip_line` has returned, and update ``modal``.
 
-    ``position_mm`` is the machine coordinate at the end of all planned motion, for G91. Raises
-    `GcodeError` when the line is refused; ``modal`` is then unchanged.
+    ``position_mm`` is the machine coordinate at the end of all planned motion. Relative moves
+    (G91) start there. Raises `GcodeError` when the line is invalid; ``modal`` is then unchanged.
     """
     groups, values = _read_words(line)
     motion = groups.get('motion', modal.motion)
@@ -114,7 +115,7 @@ def _read_words(line: str) -> tuple[dict[str, str], dict[str, float]]:
 
 
 def strip_line(line: str) -> str:
-    """Return the line in capitals without spaces and comments, as Grbl receives it."""
+    """Return the line in capitals, without spaces and comments, as Grbl stores it."""
     kept, depth = [], False
     for character in line:
         if depth:

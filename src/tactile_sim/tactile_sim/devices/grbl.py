@@ -31,13 +31,13 @@ RX_BYTES = 128
 LINE_CHARACTERS = 79
 RESET_DELAY_S = 0.5
 BOOT_S = 1.0
-"""Time from power-up to the banner, including the boot loader [s]; assumed."""
+"""Assumed time from power-up until Grbl sends its banner [s]. It includes the boot loader."""
 
 _SOFT_RESET = 0x18
 
 
 def make_settings(guide: Guide) -> dict[int, float]:
-    """Return the contents of ``$$`` of a Grbl that is set up for this guide."""
+    """Return the settings of a Grbl controller for this guide, which its command ``$$`` lists."""
     return {
         0: 10, 1: 255, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0, 10: 1, 11: 0.010, 12: 0.002, 13: 0,
         20: 1, 21: 0, 22: 1, 23: 1, 24: 100.0, 25: 2000.0, 26: 25, 27: guide.pull_off_m * 1e3,
@@ -47,7 +47,10 @@ def make_settings(guide: Guide) -> dict[int, float]:
 
 
 def write_setting(settings: dict[int, float], text: str) -> None:
-    """Execute ``n=v``; raise `GcodeError` for an unknown setting or a refused value."""
+    """Change a setting, for which ``text`` is ``number=value``.
+
+    Raises `GcodeError` for an unknown setting or an invalid value.
+    """
     number, equals, value = text.partition('=')
     if not equals or not number.isdecimal() or int(number) not in settings:
         raise GcodeError(3)
@@ -67,7 +70,7 @@ def write_setting(settings: dict[int, float], text: str) -> None:
 
 
 def format_setting(number: int, value: float) -> str:
-    """Return a value in the notation of Grbl."""
+    """Return the value of a setting with as many decimals as Grbl prints."""
     return f'{value:.3f}' if number in (11, 12, 24, 25, 27) or number >= 100 else f'{value:.0f}'
 
 
@@ -79,7 +82,10 @@ class _Block:
 
 
 class Planner:
-    """Planner of queued moves, starting at rest; ``held`` is true during a feed hold."""
+    """Plans the motion of one axis through a queue of moves.
+
+    The axis is initially at rest. ``held`` is True during a feed hold.
+    """
 
     def __init__(self, position: float) -> None:
         self.acceleration = 1.0
@@ -89,39 +95,42 @@ class Planner:
 
     @property
     def queued(self) -> int:
-        """Number of moves that are planned and not yet done."""
+        """Number of moves in the queue, including the move that is being executed."""
         return len(self._blocks)
 
     @property
     def end_s(self) -> float:
-        """Time at which all motion ends, unless commands follow. In the past if nothing moves."""
+        """Time at which the planned motion ends [s]; in the past while the axis is at rest."""
         return self._trajectory.end_s
 
     @property
     def next_end_s(self) -> float:
-        """End of the first queued move; infinite if there is none, or during a hold."""
+        """Time at which the first move in the queue ends [s].
+
+        Infinite if the queue is empty, and during a feed hold.
+        """
         return self._blocks[0].end_s if self._blocks else math.inf
 
     @property
     def target(self) -> float:
-        """Target of the last queued move."""
+        """Position at which the axis will be after all moves in the queue."""
         return self._blocks[-1].target if self._blocks else self._trajectory.target
 
     def state_at(self, time_s: float) -> tuple[float, float]:
-        """Return position and velocity."""
+        """Return position and velocity at a time [s]."""
         return self._trajectory.state_at(time_s)
 
     def positions_at(self, times_s: FloatArray) -> FloatArray:
-        """Return positions at increasing times, bit for bit as `state_at`."""
+        """Return positions at increasing times; each is exactly equal to the one of `state_at`."""
         return self._trajectory.states_at(times_s)[0]
 
     def settle(self, time_s: float) -> None:
-        """Remove the moves that are done by ``time_s``."""
+        """Remove the moves from the queue that have ended at ``time_s``."""
         while self._blocks and self._blocks[0].end_s <= time_s:
             self._blocks.popleft()
 
     def append(self, time_s: float, target: float, speed: float) -> None:
-        """Append a move; a move of length zero is ignored."""
+        """Append a move to the queue; a move without motion is ignored."""
         self.settle(time_s)
         if abs(target - self.target) < 1e-9:
             return
@@ -130,12 +139,12 @@ class Planner:
             self._replan(time_s)
 
     def run(self, time_s: float, segments: list[Segment], target: float) -> None:
-        """Replace the queue by a prepared motion (homing)."""
+        """Replace the queue by a motion that was planned elsewhere, such as homing."""
         self.place(self.state_at(time_s)[0])
         self._trajectory = Trajectory(self.state_at(time_s)[0], segments, target)
 
     def hold(self, time_s: float) -> None:
-        """Brake to rest and keep the queue."""
+        """Begin a feed hold: the axis brakes to rest, and the queue is kept."""
         self.settle(time_s)
         position, velocity = self.state_at(time_s)
         stop = plan_stop(time_s, position, velocity, self.acceleration)
@@ -145,12 +154,12 @@ class Planner:
             block.end_s = math.inf
 
     def resume(self, time_s: float) -> None:
-        """Continue with the queue after a hold."""
+        """End a feed hold and continue with the queue."""
         self.held = False
         self._replan(time_s)
 
     def drop_queue(self) -> None:
-        """Discard the queue, at rest after a hold."""
+        """Discard the queue and end a feed hold; the axis must be at rest."""
         self._blocks.clear()
         self.held = False
 
@@ -167,8 +176,8 @@ class Planner:
             return
         targets = [position] + [b.target for b in blocks]
         lengths = [b - a for a, b in pairwise(targets)]
-        # Computed backwards: the highest end speed of each block from which the axis can still
-        # stop within the remaining blocks.
+        # For each block (move), compute the highest speed at its end from which the axis can still
+        # stop at the end of the last block. The loop begins with the last block.
         exits = [0.0] * len(blocks)
         for i in range(len(blocks) - 2, -1, -1):
             if lengths[i] * lengths[i + 1] > 0.0:
@@ -197,7 +206,7 @@ class Planner:
 
 
 class StatusReporter:
-    """Encoder of status reports; some of them include work offset and overrides."""
+    """Encodes the status reports of Grbl. Some reports include the work offset or overrides."""
 
     def __init__(self) -> None:
         self._offset_countdown = 0
@@ -206,10 +215,11 @@ class StatusReporter:
     def encode(
         self, state: str, mpos_mm: float, velocity_mm_s: float, free: tuple[int, int], mask: int
     ) -> bytes:
-        """Return one report of a state such as ``Idle`` or ``Hold:0``.
+        """Return the next status report for a state such as ``Idle`` or ``Hold:0``.
 
-        ``free`` is the free space: planner blocks and bytes of the receive buffer. ``mask`` is
-        setting 10: 1 selects machine instead of work position, 2 adds the buffers.
+        ``free`` is the number of free planner blocks and of free bytes in the receive buffer.
+        ``mask`` is the value of Grbl's setting 10. With bit 0, the report contains the machine
+        position instead of the work position. With bit 1, it contains ``free``.
         """
         fields = [state, f'{"MPos" if mask & 1 else "WPos"}:{mpos_mm:.3f},0.000,0.000']
         if mask & 2:
@@ -231,18 +241,18 @@ class StatusReporter:
 
 
 class GrblDevice:
-    """The controller and its carriage.
+    """A Grbl controller and the carriage that it moves.
 
-    The position of the carriage on the rail and the position of the controller (MPos) are
-    independent; only homing aligns them. The planner uses the carriage's coordinate, which is 0
-    at the negative end [mm].
+    The controller does not know the true position of the carriage on the rail. The difference
+    between this position and the controller's coordinate (MPos) is known only after homing. The
+    planner uses the true position, which is 0 at the negative end of the rail [mm].
     """
 
     def __init__(self, guide: Guide) -> None:
         self.settings = make_settings(guide)
         self._travel_mm = guide.travel_m * 1e3
         self._planner = Planner(guide.power_up_m * 1e3)
-        self._zero_mm = guide.power_up_m * 1e3  # carriage coordinate of MPos 0
+        self._zero_mm = guide.power_up_m * 1e3  # true position for MPos 0
         self._now_s = 0.0
         self._output = bytearray()
         self._alarmed = bool(self.settings[HOMING])
@@ -251,10 +261,10 @@ class GrblDevice:
     def _start(self) -> None:
         self._modal = Modal()
         self._line = bytearray()
-        self._lines: deque[tuple[str, int]] = deque()  # text, bytes that it uses in the buffer
+        self._lines: deque[tuple[str, int]] = deque()  # line, its number of bytes
         self._line_bytes = 0
         self._homing = False
-        self._critical = 0  # alarm code that only a reset clears
+        self._critical = 0  # code of an alarm that only a reset can end
         self._dwell_end_s: float | None = None
         self._soft_limit_hit = False
         self._reset_at_s: float | None = None
@@ -266,15 +276,15 @@ class GrblDevice:
     # ---- physics ------------------------------------------------------------------------
 
     def position_m(self, now_s: float) -> float:
-        """Return the position of the carriage on the rail [m]; call with increasing times."""
+        """Return the position of the carriage on the rail [m]; ``now_s`` must not decrease."""
         self._advance(now_s)
         return self._on_rail(self._planner.state_at(now_s)[0]) * 1e-3
 
     def positions_m(self, times_s: FloatArray) -> FloatArray:
-        """Return positions of the carriage at increasing times [m], bit for bit as `position_m`.
+        """Return positions of the carriage at increasing times [m].
 
-        The result has at least one position. It ends before the next event, which may change the
-        motion.
+        They are exactly equal to the results of `position_m`. The result has at least one
+        position. It ends before the next event, because events can change the motion.
         """
         self._advance(float(times_s[0]))
         count = int(np.searchsorted(times_s, self._next_event_s()))
@@ -283,16 +293,19 @@ class GrblDevice:
 
     @property
     def rests_until_s(self) -> float:
-        """Time until which the carriage rests; in the past while it moves."""
+        """Time until which the carriage will not move [s]; minus infinity while it moves.
+
+        A received command can move it earlier.
+        """
         return self._next_event_s() if self._planner.end_s <= self._now_s else -math.inf
 
     @property
     def due_s(self) -> float:
-        """Time at which `poll` may return bytes although nothing was received."""
+        """Time from which `poll` can return bytes even if nothing is received before [s]."""
         return -math.inf if self._output else self._next_event_s()
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Receive bytes from the line; return the immediate answer."""
+        """Receive bytes from the serial line; return the bytes that are sent immediately."""
         self._advance(now_s)
         for byte in data:
             self._take_byte(byte)
@@ -300,32 +313,35 @@ class GrblDevice:
         return self.poll(now_s)
 
     def poll(self, now_s: float) -> bytes:
-        """Return the bytes that it has sent by ``now_s``."""
+        """Return the bytes that the controller has sent between the last call and ``now_s``."""
         self._advance(now_s)
         sent, self._output = bytes(self._output), bytearray()
         return sent
 
     def restart(self, now_s: float) -> None:
-        """Lose power for a moment: the motor stops immediately, and the position starts at 0."""
+        """Simulate a short interruption of the power supply.
+
+        The motor stops immediately, and the present position becomes MPos 0.
+        """
         self._stop_dead(now_s)
         self._zero_mm = self._planner.state_at(now_s)[0]
         self._alarmed = bool(self.settings[HOMING])
         self._start()
-        self._output.clear()  # unsent output is lost as well
+        self._output.clear()  # output that was not sent is lost
         self._reset_at_s = now_s + BOOT_S
 
     def trip_limit(self, now_s: float) -> None:
-        """Close the limit switch, by contact or by interference: alarm 1."""
+        """Simulate a signal of the limit switch, which stops the motor and raises alarm 1."""
         self._stop_dead(now_s)
         self._homing = self._soft_limit_hit = False
         self._dwell_end_s = None
         self._raise_alarm(1)
 
     def stall(self, now_s: float) -> None:
-        """Let the stepper buffer run empty while the next dwell waits.
+        """Simulate a fault of Grbl: its stepper buffer is empty during the next wait for a dwell.
 
-        The controller is then idle, although moves are queued: a dwell requests a cycle start only
-        once, before it waits for the end of all motion.
+        The motion then stops, although moves are queued. Grbl does not continue by itself, because
+        it requests the execution of queued moves only once, before it waits for their end.
         """
         self._advance(now_s)
         self._stalls = True
@@ -338,7 +354,7 @@ class GrblDevice:
     # ---- time ---------------------------------------------------------------------------
 
     def _advance(self, now_s: float) -> None:
-        """Process events at their own times, in order, up to ``now_s``."""
+        """Process all events until ``now_s`` [s] in the order of their times."""
         while (event_s := self._next_event_s()) <= now_s:
             self._now_s = max(self._now_s, event_s)
             self._handle_event()
@@ -373,8 +389,8 @@ class GrblDevice:
     def _on_rest(self) -> None:
         position = self._planner.state_at(self._now_s)[0]
         if self._on_rail(position) != position:
-            # Steps into the end of the rail are lost: MPos has changed, but the carriage has not
-            # moved.
+            # The carriage has reached an end of the rail. The controller has counted further
+            # steps in MPos, but the carriage did not move.
             self._zero_mm += self._on_rail(position) - position
             self._planner.place(self._on_rail(position))
         if self._homing:
@@ -419,7 +435,7 @@ class GrblDevice:
 
     def _take_character(self, byte: int) -> None:
         if self._rx_bytes >= RX_BYTES:
-            return  # a real AVR drops bytes that do not fit, without an error
+            return  # a real controller, too, loses bytes that do not fit into its buffer
         self._line_bytes += 1
         if byte not in b'\r\n':
             self._line.append(byte)
@@ -430,7 +446,7 @@ class GrblDevice:
         self._run_lines()
 
     def _run_lines(self) -> None:
-        """Execute received lines until one has to wait."""
+        """Execute received lines, until a line must wait for the end of another command."""
         while self._lines and not self._waiting():
             line, _ = self._lines.popleft()
             try:
@@ -457,7 +473,7 @@ class GrblDevice:
         )
 
     def _run_line(self, line: str) -> bool:
-        """Execute one line; return False if its ``ok`` follows later."""
+        """Execute one line; return False if ``ok`` is sent later, after its execution."""
         if not line:
             return True
         if len(line) > LINE_CHARACTERS:
@@ -473,7 +489,8 @@ class GrblDevice:
         if command.target_mm is None:
             return True
         if self.settings[SOFT_LIMITS] and not self._within_travel(command.target_mm):
-            # Grbl stops the motion before it raises the alarm; the ``ok`` of this line is pending.
+            # Grbl first brakes to rest, and then raises the alarm. It sends the ``ok`` of this
+            # line after the next reset.
             self._soft_limit_hit = True
             self._planner.hold(self._now_s)
             return False
@@ -534,9 +551,9 @@ class GrblDevice:
         position, velocity = self._planner.state_at(self._now_s)
         self._planner.place(self._on_rail(position))
         if self._reset_at_s is not None or self._message_at_s is not None:
-            return  # for RESET_DELAY_S after alarm 1 or 2, Grbl ignores a reset
+            return  # Grbl ignores a reset for a moment after a reset or an alarm
         if self._homing or velocity != 0.0:
-            # The motor stops immediately and loses steps, so the position is unreliable.
+            # The motor stops immediately and can lose steps, so the position is not reliable.
             self._raise_alarm(6 if self._homing else 3)
             self._reset_at_s = self._now_s + RESET_DELAY_S
             return

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulated load cell on the tendon, with its own clock and its lines of text."""
+"""The simulated load cell on the tendon, which sends its readings as lines of text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tendon_sensor_driver.line_sensor import encode_reading
 GRAVITY_M_S2 = 9.80665
 DECIMALS = 5
 BOOT_S = 0.5
-"""Time from power-up to the first line [s]; assumed."""
+"""Assumed time from power-up until the load cell sends its first line [s]."""
 
 _HEADER = b'\r\nSerial Load Cell Converter version 1.2\r\nBy SparkFun Electronics\r\n'
 _BANNER = _HEADER + (
@@ -31,12 +31,13 @@ _MENU = _HEADER + b'System Configuration\r\n1) Tare scale to zero [0]\r\nx) Exit
 
 
 class LoadCellDevice:
-    """Load cell that sends one line per sample: time [ms], kilograms, unit, ``SIMULATED``.
+    """Load cell that sends one line of text per sample, as a SparkFun OpenScale does.
 
-    An ``x`` opens its menu, as in an OpenScale. In the menu it sends no lines until the next
-    ``x``, the only menu command that is simulated. With the same generator, its readings equal the
-    results of ``sensing.read_tension``, apart from the rounding in the lines. Faults can overload
-    the cell or freeze its reading.
+    A line contains the time [ms], the reading in kilograms, the unit, and ``SIMULATED``. A
+    received ``x`` opens a menu, during which no lines are sent. Another ``x`` closes it; no other
+    command of the menu is simulated. With the same random generator, the readings are equal to the
+    results of ``sensing.read_tension``, apart from the rounding to the decimals of a line.
+    ``is_saturated`` and ``is_stuck`` simulate an overloaded cell and a constant reading.
     """
 
     def __init__(self, cell: LoadCell, generator: np.random.Generator) -> None:
@@ -44,7 +45,7 @@ class LoadCellDevice:
         self._generator = generator
         self._bias_n = self._drift_n = 0.0
         self._samples = 0
-        self._first_sample = 0  # since power-up
+        self._first_sample = 0  # number of the first sample since power-up
         self._in_menu = False
         self._last_n = 0.0
         self.is_saturated = self.is_stuck = False
@@ -53,18 +54,19 @@ class LoadCellDevice:
         self._output = bytearray()
 
     def set_bias(self, bias_n: float) -> None:
-        """Set the reading without load [N]; the drift continues."""
+        """Set the reading without load [N]. The drift is added to it."""
         self._bias_n = bias_n
 
     def draw_from(self, generator: np.random.Generator) -> None:
-        """Take noise and drift from another random stream."""
+        """Use another random generator for noise and drift."""
         self._generator = generator
 
     def record(self, time_s: float, tension_n: float, contact_force_n: float) -> None:
         """Record the forces at the end of a simulation step.
 
-        Between two calls the forces are interpolated linearly, for the filter and for the samples.
-        The first call initialises the filter at rest.
+        The force on the cell is interpolated linearly between two calls, both as the input of the
+        low-pass filter and for samples within the step. The first call sets the state of the
+        filter to the present force.
         """
         force_n = tension_n + self._cell.crosstalk * contact_force_n
         if self._time_s is None:
@@ -103,24 +105,27 @@ class LoadCellDevice:
         self._samples += 1
 
     def restart(self) -> None:
-        """Lose power for a moment: banner, then lines with a clock that restarts at 0."""
+        """Simulate a short interruption of the power supply.
+
+        The cell sends its banner, and then lines whose times start at 0.
+        """
         self._first_sample = self._samples + round(BOOT_S * self._cell.rate_hz)
         self._in_menu = False
         self._output.clear()
 
     def enter_menu(self) -> None:
-        """Open the menu and send no lines, as if ``x`` had been typed."""
+        """Open the menu, as a received ``x`` does. In the menu, no lines are sent."""
         self._in_menu = True
         self._output += _MENU
 
     def leave_menu(self) -> None:
-        """Send lines again; has no effect outside the menu."""
+        """Close the menu, if it is open, so that lines are sent again."""
         if self._in_menu:
             self._in_menu = False
             self._output += b'Exiting\r\n'
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Receive bytes from the line; only ``x`` has an effect."""
+        """Receive bytes from the serial line. An ``x`` opens or closes the menu."""
         for byte in data:
             if self._in_menu and byte == ord('x'):
                 self.leave_menu()
@@ -130,10 +135,10 @@ class LoadCellDevice:
 
     @property
     def due_s(self) -> float:
-        """Time from which `poll` may return bytes although nothing was received."""
+        """Time from which `poll` can return bytes even if nothing is received before [s]."""
         return -math.inf if self._output else self._samples * self._cell.period_s
 
     def poll(self, now_s: float) -> bytes:
-        """Return the lines that are due since the last call."""
+        """Return the bytes that the load cell has sent since the last call."""
         sent, self._output = bytes(self._output), bytearray()
         return sent

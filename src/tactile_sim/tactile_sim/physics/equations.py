@@ -7,13 +7,13 @@ The line is clamped horizontally. With xi from 0 at the base to 1 at the tip, it
 
     theta(xi) = q0 xi + q1 (xi^2 - xi) + q2 (2 xi^3 - 3 xi^2 + xi),
 
-that is, the curvature is q0 P0 + q1 P1 + q2 P2 with Legendre polynomials of 2 xi - 1. Mode i
-bends, damps and creeps with 1 / (2 i + 1) of the moment, because the modes are orthogonal.
-docs/simulation.md has all equations.
+where q0, q1 and q2 are the modes of the finger. Its curvature is q0 P0 + q1 P1 + q2 P2 with
+Legendre polynomials P of 2 xi - 1. Because these polynomials are orthogonal, stiffness, damping
+and creep of mode i are those of mode 0 divided by 2 i + 1. docs/simulation.md has all equations.
 
-Every function that a step evaluates works on numbers and on arrays of trials, and uses only
-elementary arithmetic. Therefore the solver, which evaluates single numbers, and the independent
-solver in the tests, which evaluates arrays, give the same bits.
+Every function that is evaluated in a time step works on numbers and on arrays of trials, and uses
+only elementary arithmetic. Therefore, the solver, which passes single numbers, and the independent
+solver in the tests, which passes arrays, compute exactly equal results.
 """
 
 from __future__ import annotations
@@ -29,15 +29,14 @@ FloatArray = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.80665
 
-# Gauss-Legendre nodes along the finger. With |q1| up to 0.3 and |q2| up to 0.2, four nodes
-# integrate the tip's position to 1.3e-6 of the length up to 60 deg, to 7e-6 up to 115 deg (a
-# test).
+# Gauss-Legendre nodes, at which integrals along the finger are evaluated. According to a test, the
+# error of the tip's position with four nodes is below 1e-5 of the length for bends up to 115 deg.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 NODE_XI = tuple(float(p + 1) / 2 for p in _POINTS)
 NODE_WEIGHT = tuple(float(w) / 2 for w in _WEIGHTS)
 
-# sin and cos as Taylor series about the middle of the range of angles; error below 6e-11
-# for angles from -0.9 to 2.7 rad, below 1e-12 for -0.4 to 2.2 rad (a test).
+# Sine and cosine are computed as Taylor series about _MIDDLE_RAD. According to a test, their error
+# is below 6e-11 for angles from -0.9 to 2.7 rad.
 _MIDDLE_RAD = 0.9
 _COS_MIDDLE, _SIN_MIDDLE = math.cos(_MIDDLE_RAD), math.sin(_MIDDLE_RAD)
 _S3, _S5, _S7, _S9 = -1 / 6, 1 / 120, -1 / 5040, 1 / 362880
@@ -46,11 +45,16 @@ _C4, _C6, _C8, _C10 = 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800
 _C12, _C14, _C16 = 1 / 479001600, -1 / 87178291200, 1 / 20922789888000
 NO_MASSES = (0.0,) * 6
 MAX_CHANGE_RAD = 0.2
-"""Largest change of a mode in one iteration [rad]; a larger one is shortened."""
+"""Largest change of a mode in one iteration of Newton's method [rad]."""
 
 
 class Node(NamedTuple):
-    """One Gauss point: slope angle of each mode, their products, weight, mass beyond it."""
+    """A node of the Gauss-Legendre quadrature along the finger.
+
+    ``b0`` to ``b2`` are the slope angles of the three modes at the node, per unit of the mode, and
+    ``b00`` to ``b22`` are their products. ``beyond`` is the fraction of the finger's mass between
+    the node and the tip.
+    """
 
     b0: float
     b1: float
@@ -77,11 +81,12 @@ NODE_0, NODE_1, NODE_2, NODE_3 = (
 
 
 def compute_sine_cosine(angle: Any) -> Any:
-    """Return sine and cosine of a slope angle [rad]; see `_MIDDLE_RAD` for the range."""
+    """Return sine and cosine of a slope angle between -0.9 and 2.7 rad."""
     d = angle - _MIDDLE_RAD
     y = d * d
     y2 = y * y
-    y4 = y2 * y2  # Estrin's scheme: shorter chains of operations than Horner's
+    # Estrin's scheme has shorter chains of dependent operations than Horner's scheme.
+    y4 = y2 * y2
     sine = d * (
         ((1 + _S3 * y) + y2 * (_S5 + _S7 * y)) + y4 * ((_S9 + _S11 * y) + y2 * (_S13 + _S15 * y))
     )
@@ -92,26 +97,27 @@ def compute_sine_cosine(angle: Any) -> Any:
 
 
 def bend_node(node: Any, q0: Any, q1: Any, q2: Any) -> Any:
-    """Return weighted sine and cosine of the slope at a node."""
+    """Return sine and cosine of the finger's slope at a node, times the weight of the node."""
     sine, cosine = compute_sine_cosine(q0 * node.b0 + q1 * node.b1 + q2 * node.b2)
     return node.weight * sine, node.weight * cosine
 
 
 def compute_line(q0: Any, q1: Any, q2: Any, mass: float, tip_mass: float) -> Any:
-    """Return the bent line per unit of length: tip, weight, and their derivatives by the modes.
+    """Return quantities of the bent centre line, divided by the length of the finger.
 
     Returns
     -------
     tuple of 19
-        Drop z and reach x; z_i; x_i; moment of the weight on each mode [N]; the weighted
-        sine and cosine at each node, from which `curve_line` computes second derivatives.
+        Drop z and reach x of the tip; derivatives z_i of z by the three modes; derivatives x_i of
+        x; moment of the weight on each mode [N]; sine and cosine of the slope at each node, times
+        the weight of the node. `curve_line` computes second derivatives from the last ones.
     """
     a, b, c, d = NODE_0, NODE_1, NODE_2, NODE_3
     sa, ca = bend_node(a, q0, q1, q2)
     sb, cb = bend_node(b, q0, q1, q2)
     sc, cc = bend_node(c, q0, q1, q2)
     sd, cd = bend_node(d, q0, q1, q2)
-    # The mass beyond a node depends on its slope.
+    # The slope at a node lowers all of the mass between the node and the tip.
     ga = ca * (GRAVITY_M_S2 * (mass * a.beyond + tip_mass))
     gb = cb * (GRAVITY_M_S2 * (mass * b.beyond + tip_mass))
     gc = cc * (GRAVITY_M_S2 * (mass * c.beyond + tip_mass))
@@ -140,9 +146,11 @@ def compute_line(q0: Any, q1: Any, q2: Any, mass: float, tip_mass: float) -> Any
 
 
 def curve_line(line: Any, of_z: Any, of_x: Any, mass: float, tip_mass: float) -> Any:
-    """Return ``of_z z_ij + of_x x_ij`` minus the derivative of the weight, per unit of length.
+    """Return ``of_z * z_ij + of_x * x_ij - w_ij`` for pairs of modes 00, 01, 02, 11, 12 and 22.
 
-    The order is 00, 01, 02, 11, 12, 22.
+    z_ij and x_ij are the second derivatives of the tip's drop and reach by the modes i and j. w_ij
+    is the derivative of the weight's moment on mode i by mode j. All are divided by the length.
+    ``line`` is the result of `compute_line`.
     """
     a, b, c, d = NODE_0, NODE_1, NODE_2, NODE_3
     ka = line[11] * (GRAVITY_M_S2 * (mass * a.beyond + tip_mass) - of_z) - line[12] * of_x
@@ -162,10 +170,11 @@ def curve_line(line: Any, of_z: Any, of_x: Any, mass: float, tip_mass: float) ->
 def compute_mass_matrix(
     length_m: float, mass_kg: float, tip_mass_kg: float, bend_rad: float
 ) -> tuple[float, ...]:
-    """Return the mass matrix of a finger bent to an arc [kg m^2]: 00, 01, 02, 11, 12, 22.
+    """Return the mass matrix M of the modes, for a finger that is bent to an arc [kg m^2].
 
-    M_ij = mass * integral of r_i . r_j along the finger + tip mass * r_i . r_j at the tip,
-    where r_i is the derivative of a point on the line by mode i.
+    The result has the elements 00, 01, 02, 11, 12 and 22. M_ij is the mass times the mean of
+    r_i . r_j along the finger, plus the tip mass times r_i . r_j at the tip. r_i is the derivative
+    of the position of a point on the centre line by mode i.
     """
     points, weights = np.polynomial.legendre.leggauss(12)
     nodes = [(float(p + 1) / 2, float(w) / 2) for p, w in zip(points, weights, strict=True)]
@@ -186,11 +195,11 @@ def compute_mass_matrix(
 
 
 class Constants(NamedTuple):
-    """Constants of all trials of a scene, in SI units; `Finger` explains the names.
+    """Constants of the equations that all trials of a scene share, in SI units.
 
-    Reciprocals (``per_``) are stored because a division costs as much as several products.
-    ``masses`` is the mass matrix of the modes in the order 00, 01, 02, 11, 12, 22 [kg m^2]; zero
-    for a finger without inertia.
+    Most of them are values of `Finger`. Names with ``per_`` are reciprocals, which are stored
+    because a division takes as much time as several products. ``masses`` is the mass matrix of the
+    modes, with the elements 00, 01, 02, 11, 12 and 22 [kg m^2]; zero for a finger without inertia.
     """
 
     length: float
@@ -216,20 +225,21 @@ class Constants(NamedTuple):
 
 
 def select(condition: Any, yes: Any, no: Any) -> Any:
-    """Return ``yes`` or ``no``, element by element."""
+    """Return ``yes`` where the condition is true, else ``no``, for numbers or arrays."""
     if isinstance(condition, np.ndarray):
         return np.where(condition, yes, no)
     return yes if condition else no
 
 
 def compute_rigid_contact(indentation: Any, tip_stiffness: Any, held: Any) -> Any:
-    """Return the normal force on the fingertip on a rigid surface, and its slope [N, N/m].
+    """Return the normal force on a fingertip that touches a rigid surface [N].
 
-    Over a step, the fingertip, a spring in parallel with a damper, pushes with
-    ``tip_stiffness * compression - held``, but never pulls.
+    The second result is the derivative of the force by the indentation [N/m]. The fingertip is a
+    spring in parallel with a damper. In a time step, it pushes with the force
+    ``tip_stiffness * indentation - held``, but it never pulls.
     """
     force = tip_stiffness * indentation - held
-    apart = force <= 0.0  # false for NaN, which must not count as no contact
+    apart = force <= 0.0  # False for NaN, so that NaN is not replaced by 0
     return select(apart, 0.0, force), select(apart, 0.0, tip_stiffness)
 
 
@@ -241,24 +251,24 @@ def compute_object_contact(
     held: Any,
     inverse_softening: float,
 ) -> Any:
-    """Return the contact of fingertip and object in series.
+    """Return the normal force on a fingertip that touches a soft object.
 
-    The object pushes with ``material * p - rest``, where p is its effective compression. Its
-    compression u is p + p^2 / (2 softening), so that its force changes from proportional to u to
-    proportional to the root of u, as in a buckled shell (Pogorelov, "Bending of surfaces and
-    stability of shells", 1988).
+    Fingertip and object are springs in series. The object pushes with ``material * p - rest``,
+    where p is its effective compression. Its compression u is p + p^2 / (2 softening). For small
+    u, its force is therefore proportional to u, and for large u to the square root of u, as for a
+    buckled shell (Pogorelov, "Bending of surfaces and stability of shells", 1988).
 
-    Returns normal force [N], its derivative by the indentation [N/m], and p [m].
+    Returns the normal force [N], its derivative by the indentation [N/m], and p [m].
     """
     push = tip_stiffness * indentation - held + rest
-    push = select(push <= 0.0, 0.0, push)  # NaN is kept
+    push = select(push <= 0.0, 0.0, push)  # does not replace NaN
     both = tip_stiffness + material
     root = np.sqrt(both * both + 2 * tip_stiffness * inverse_softening * push)
     compression = 2 * push / (both + root)
     force = material * compression - rest
     apart = force <= 0.0
     slope = select(apart, 0.0, material * tip_stiffness / root)
-    # Without contact, the object recovers by itself.
+    # Without contact, no force acts on the object, so that it recovers its shape.
     alone = rest / select(material > 0.0, material, 1.0)
     return select(apart, 0.0, force), slope, select(apart, alone, compression)
 
@@ -279,21 +289,51 @@ def compute_balance(
     grip: float,
     constants: Any,
 ) -> Any:
-    """Return the moments on the three modes, the Newton step that balances them, and the forces.
+    """Compute one iteration of Newton's method for the balance of moments on the three modes.
 
-    ``line``: from `compute_line`. ``contact``: normal force and its derivative. ``surface``: slope
-    and curvature of the surface under the tip. ``place``: position of the tip on the material of
-    the surface [m]. ``modes``, ``bases``: q, and the zeros of its rates of change: q' = (q - base)
-    * rate. ``swing_bases``: the same for accelerations: q'' = q * rate^2 - swing base [rad/s^2].
-    ``sliders``: positions where the tip [m] and the tendon [rad] stuck before. ``creep``: moments
-    of the creeping branch on the modes, and its present stiffness. ``factors``: friction
-    coefficient, and the ratio of the finger's stiffness to the described one. ``rate``: 1 / time
-    since the bases [1/s]; 0 for the state of rest. ``grip``: 1, or 0 to release all friction.
+    Parameters
+    ----------
+    line : tuple
+        Result of `compute_line`.
+    contact : tuple
+        Normal force on the fingertip [N], and its derivative by the indentation [N/m].
+    surface : tuple
+        Slope [1] and curvature [1/m] of the surface under the tip.
+    place : float or ndarray
+        Coordinate of the tip on the surface [m].
+    modes, bases : tuple
+        The modes q [rad], and the bases in the formula of their rates, (q - base) * rate.
+    swing_bases : tuple
+        Bases in the formula of the modes' accelerations, q * rate^2 - swing base [rad/s^2].
+    sliders : tuple
+        Positions at which the tip [m] and the tendon [rad] last stuck by friction.
+    creep : tuple
+        Moment of the finger's creeping branch on each mode [N m], and the stiffness of this branch
+        in the time step [N m/rad].
+    factors : tuple
+        Friction coefficient of the tip, and stiffness of the finger relative to its description.
+    tendon_m : float or ndarray
+        Displacement of the tendon [m].
+    rate : float or ndarray
+        Factor in the formulas of rates and accelerations [1/s]; 0 for the state of rest.
+    grip : float
+        1, or 0 for a finger without friction.
+    constants : Constants
+        Constants of the scene.
 
-    Returns the largest residual [N m]; the changes of the three modes, to be subtracted; at
-    present: tension [N], friction [N], new sliders; after the changes, to first order: tension
-    [N], normal force [N], new sliders; surprise: moment of friction that the linearisation does
-    not include, because friction sticks, slides or changes direction [N m].
+    Returns
+    -------
+    residual
+        Largest moment that is not balanced [N m].
+    changes : tuple
+        Values to subtract from the three modes [rad].
+    now : tuple
+        For the present modes: tension [N], friction of the tip [N] and new ``sliders``.
+    after : tuple
+        For the changed modes, to first order: tension [N], normal force [N], new ``sliders``.
+    surprise
+        Error of the friction's linearisation [N m]. It is large if friction begins to stick or
+        slide, or changes its direction.
     """
     c = constants
     (force, force_slope), (incline, bend) = contact, surface
@@ -303,9 +343,10 @@ def compute_balance(
     z0, z1, z2 = c.length * line[2], c.length * line[3], c.length * line[4]
     x0, x1, x2 = c.length * line[5], c.length * line[6], c.length * line[7]
 
-    # The tendon, with the capstan loss along the bend; it sticks before it slides.
+    # Tension of the tendon, and its friction in the bent finger (capstan equation). Below a small
+    # displacement, the tendon sticks like a spring.
     stretch = tendon_m - c.arm * q0
-    slack = stretch <= 0.0  # false for NaN, which must not count as slack
+    slack = stretch <= 0.0  # False for NaN, so that NaN is not replaced by 0
     tension = select(slack, 0.0, c.tendon_stiffness * stretch)
     tension_0 = select(slack, 0.0, -c.tendon_stiffness * c.arm)
     ahead = (q0 - sliders[1]) * c.per_presliding
@@ -315,7 +356,8 @@ def compute_balance(
     tendon_slider = q0 - drag * c.presliding_rad
     wrap = c.tendon_friction * q0 * drag
     wrap_0 = c.tendon_friction * (drag + q0 * drag_0)
-    # Moments of P_i(2 xi - 1) exp(-wrap xi) along the finger, as series in the wrap.
+    # Moments of the tension, which decreases along the finger as exp(-wrap xi), on the modes, as
+    # power series in wrap. xi is 0 at the base and 1 at the tip.
     p0 = 1 - wrap * (1 / 2 - wrap * (1 / 6 - wrap * (1 / 24 - wrap * (1 / 120))))
     p1 = -wrap * (1 / 6 - wrap * (1 / 12 - wrap * (1 / 40 - wrap * (1 / 180))))
     p2 = wrap * wrap * (1 / 60 - wrap * (1 / 120 - wrap * (1 / 420)))
@@ -324,7 +366,7 @@ def compute_balance(
     p2_0 = wrap_0 * wrap * (1 / 30 - wrap * (1 / 40 - wrap * (1 / 105)))
     pull, pull_0 = c.arm * tension, c.arm * tension_0
 
-    # Friction of the tip: its shear spring, up to Coulomb's limit.
+    # Friction of the tip: the force of its shear spring, limited to the Coulomb friction.
     spring = c.shear_stiffness * (place - sliders[0])
     limit = grip * friction * force
     slips = abs(spring) > limit
@@ -364,7 +406,8 @@ def compute_balance(
     e1 = e1 + (mass_01 * g0 + mass_11 * g1 + mass_12 * g2)
     e2 = e2 + (mass_02 * g0 + mass_12 * g1 + mass_22 * g2)
 
-    # Derivatives: second derivatives of z and x have common factors.
+    # Elements a_ij of the Jacobian matrix that are due to second derivatives of drop and reach,
+    # the weight and the inertia. After them, all elements j_ij of the matrix.
     a00, a01, a02, a11, a12, a22 = curve_line(
         line, force - rub * incline, force * incline + rub, c.mass, c.tip_mass
     )
@@ -380,7 +423,7 @@ def compute_balance(
     j11, j12 = d1 + k1 + a11 + f1 * n1 + r1 * t1 + b1 * x1, a12 + f2 * n1 + r2 * t1 + b1 * x2
     j21, j22 = a12 + f1 * n2 + r1 * t2 + b2 * x1, d2 + k2 + a22 + f2 * n2 + r2 * t2 + b2 * x2
 
-    # Cramer's rule; then changes are limited to the range in which the equations are valid.
+    # Solve the linear equations by Cramer's rule, and limit the changes to MAX_CHANGE_RAD.
     c00, c01, c02 = j11 * j22 - j12 * j21, j12 * j20 - j10 * j22, j10 * j21 - j11 * j20
     c10, c11, c12 = j02 * j21 - j01 * j22, j00 * j22 - j02 * j20, j01 * j20 - j00 * j21
     c20, c21, c22 = j01 * j12 - j02 * j11, j02 * j10 - j00 * j12, j00 * j11 - j01 * j10
@@ -392,7 +435,7 @@ def compute_balance(
     s0, s1, s2 = shorten(s0), shorten(s1), shorten(s2)
     now = (tension, rub, tip_slider, tendon_slider)
 
-    # Results after the changes, for a step that ends with them.
+    # Results for the changed modes, which are used if this iteration is the last one.
     stretch = stretch + c.arm * s0
     tension = select(stretch <= 0.0, 0.0, c.tendon_stiffness * stretch)
     force = force - (f0 * s0 + f1 * s1 + f2 * s2)
@@ -421,14 +464,14 @@ def shorten(change: Any) -> Any:
 
 
 def larger(a: Any, b: Any) -> Any:
-    """Return the larger of two values, element by element; the second if they are equal."""
+    """Return the larger of two numbers, or of each pair of elements of two arrays."""
     return select(a > b, a, b)
 
 
 def compute_curve(length_m: float, modes_rad: FloatArray, points: int = 65) -> FloatArray:
-    """Return the finger's centre line: reach and drop from base to tip, shape (points, 2) [m].
+    """Return points on the finger's centre line from base to tip, shape (points, 2) [m].
 
-    ``modes_rad`` are q0, q1, q2 [rad].
+    The columns are reach and drop. ``modes_rad`` are the modes q0, q1 and q2 [rad].
     """
     fine = np.linspace(0.0, 1.0, 8 * (points - 1) + 1)
     q0, q1, q2 = modes_rad

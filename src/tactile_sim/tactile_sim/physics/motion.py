@@ -3,8 +3,8 @@
 
 """Motion of axes with limited acceleration, and timelines of trials.
 
-Devices and simulated trials use it. The caller chooses the units: metres, millimetres or counts,
-per second.
+The simulated devices and the simulated trials use this module. Its functions accept any unit of
+length, such as metres, millimetres or encoder counts. Times are in seconds.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _LONGEST_S = 3600.0
 
 
 class Segment(NamedTuple):
-    """Motion with constant acceleration from ``start_s`` for ``duration_s``."""
+    """Part of a motion, with constant acceleration. It begins at ``start_s`` [s]."""
 
     start_s: float
     duration_s: float
@@ -47,9 +47,10 @@ class Segment(NamedTuple):
 
 
 class Trajectory:
-    """Segments in the order of time; at rest at ``start`` before, and at ``target`` afterwards.
+    """Motion of an axis, which consists of segments in the order of time.
 
-    In a gap, the axis rests at the end position of the previous segment.
+    The axis rests at ``start`` before the first segment, at ``target`` after the last one, and
+    between segments that do not follow each other immediately.
     """
 
     def __init__(self, start: float, segments: Sequence[Segment], target: float) -> None:
@@ -76,7 +77,7 @@ class Trajectory:
 
     @property
     def busy_s(self) -> list[tuple[float, float]]:
-        """Start and end of every stretch of motion [s]."""
+        """Start and end of each segment [s]."""
         moving = [part for part in self._parts if not math.isinf(part.duration_s)]
         return [(part.start_s, part.end_s) for part in moving]
 
@@ -90,7 +91,7 @@ class Trajectory:
         return position, part.velocity + part.acceleration * t
 
     def states_at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and velocities at increasing times, bit for bit as `state_at`."""
+        """Return positions and velocities at increasing times, exactly equal to `state_at`."""
         count = len(times_s)
         first, last = (bisect_right(self._starts, times_s[i]) - 1 if count else 0 for i in (0, -1))
         part = self._parts[first]
@@ -103,7 +104,7 @@ class Trajectory:
         return positions, velocity + acceleration * t
 
     def positions_at(self, times_s: FloatArray) -> FloatArray:
-        """Return positions at many times, in the shape of ``times_s``."""
+        """Return the position at each of the times; the result has the shape of ``times_s``."""
         index = np.searchsorted(self._start_array, times_s, side='right') - 1
         start, _, position, velocity, acceleration = self._table[:, index]
         t = times_s - start
@@ -119,11 +120,11 @@ def plan_ramp(
     entry_speed: float = 0.0,
     exit_speed: float = 0.0,
 ) -> list[Segment]:
-    """Return a trapezoidal (or triangular) speed profile from ``position`` to ``target``.
+    """Return the segments of a motion with a trapezoidal speed profile to ``target``.
 
-    It is the fastest motion within ``speed`` and ``acceleration``. Entry and exit speeds are
-    positive towards the target and must be reachable within the distance. An entry speed above
-    ``speed`` is first reduced.
+    It is the fastest motion with the maximum speed ``speed`` and the maximum ``acceleration``.
+    Entry and exit speeds are positive towards the target. The distance must be long enough for the
+    change between them. If the entry speed is above ``speed``, it is first reduced.
     """
     distance = abs(target - position)
     if distance == 0.0:
@@ -151,7 +152,7 @@ def plan_ramp(
 def plan_stop(
     start_s: float, position: float, velocity: float, acceleration: float
 ) -> list[Segment]:
-    """Return a motion that brakes to rest."""
+    """Return the segments of a motion that brakes from ``velocity`` to rest."""
     if velocity == 0.0:
         return []
     slope = -math.copysign(acceleration, velocity)
@@ -166,7 +167,10 @@ def plan_move(
     speed: float,
     acceleration: float,
 ) -> list[Segment]:
-    """Return a motion to ``target`` from any velocity; it overshoots and returns if necessary."""
+    """Return the segments of a motion to ``target`` that begins with any velocity.
+
+    If the axis cannot stop at the target, it overshoots and returns.
+    """
     towards = velocity * (target - position) > 0.0
     if velocity == 0.0:
         return plan_ramp(start_s, position, target, speed, acceleration)
@@ -179,7 +183,10 @@ def plan_move(
 def plan_legs(
     start_s: float, position: float, legs: Sequence[tuple[float, float]], acceleration: float
 ) -> list[Segment]:
-    """Return a motion to several targets, each with its own speed, with a stop at each."""
+    """Return the segments of a motion that stops at each of several targets.
+
+    ``legs`` has the target and the maximum speed of each part of the motion.
+    """
     segments: list[Segment] = []
     for target, speed in legs:
         segments += plan_ramp(start_s, position, target, speed, acceleration)
@@ -188,14 +195,14 @@ def plan_legs(
 
 
 def move_duration_s(distance_m: float, speed_m_s: float, acceleration_m_s2: float) -> float:
-    """Return the duration of a move from rest to rest [s]."""
+    """Return the duration of a move over a distance that begins and ends at rest [s]."""
     segments = plan_ramp(0.0, 0.0, abs(distance_m), speed_m_s, acceleration_m_s2)
     return segments[-1].end_s if segments else 0.0
 
 
 @dataclass(frozen=True)
 class Move:
-    """A trapezoidal move of one axis, from its present position to ``target_m``."""
+    """A move of one axis to ``target_m``, which begins at ``start_s``."""
 
     start_s: float
     target_m: float
@@ -204,9 +211,10 @@ class Move:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Moves of the axes in one trial; each move starts after the previous one has ended.
+    """Moves of guide and tendon in one trial.
 
-    The guide starts at ``guide_start_m``, the tendon at 0, slack [m].
+    A move of an axis must start after its previous move has ended. The guide is at
+    ``guide_start_m`` [m] before its first move. The tendon begins at 0, where it is slack.
     """
 
     guide_moves: Sequence[Move]
@@ -216,8 +224,9 @@ class Timeline:
 
 
 def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Trajectory, Trajectory]:
-    """Return the motions of guide and tendon, with targets rounded as the devices round them.
+    """Return the trajectories of guide and tendon in one trial.
 
+    Targets are rounded to steps of the guide and to counts of the servo, as in the real devices.
     Raises `DescriptionError` when the timeline does not fit the rig.
     """
     if not 0.0 <= timeline.guide_start_m <= rig.guide.travel_m:

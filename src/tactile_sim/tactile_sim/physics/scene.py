@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scene of a trial: a finger, and the plate or object under it with its surface.
+"""Scene of a trial: a finger, and the plate or object under it.
 
-The fingertip is a circle in the plane of motion. Its path over a profile is the greyscale dilation
-of the profile by that circle.
+The fingertip is a circle in the plane of motion. The path of its lowest point over the profile of
+a plate is the greyscale dilation of the profile by this circle.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ _FIRST_BEND_RAD = 0.05
 
 @dataclass(frozen=True)
 class Surface:
-    """Height of a surface on a regular grid that begins at ``origin_m``, with slope and curvature.
+    """A surface, which is defined by its height and slope at the points of a regular grid.
 
-    ``table`` of shape (cells, 4) has height [m] and slope [1] at the left end of each cell, each
-    followed by its change across the cell.
+    ``table`` has one row per cell between two points. Its columns are the height at the left end
+    of the cell [m], the change of the height across the cell [m], the slope at the left end [1],
+    and the change of the slope across the cell [1].
     """
 
     origin_m: float
@@ -48,7 +49,10 @@ class Surface:
     table: FloatArray
 
     def sample(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return height [m], slope [1] and curvature [1/m]; level outside the grid."""
+        """Return height [m], slope [1] and curvature [1/m] at coordinates on the surface.
+
+        Outside the grid, the height is constant.
+        """
         cell = (x_m - self.origin_m) / self.spacing_m
         index = np.minimum(np.maximum(np.floor(cell), 0), len(self.table) - 1)
         part = np.minimum(np.maximum(cell - index, 0.0), 1.0)
@@ -57,9 +61,9 @@ class Surface:
 
 
 def build_surface(height_m: FloatArray, origin_m: float, spacing_m: float) -> Surface:
-    """Return a surface with these heights on a regular grid; shape (points,) [m]."""
-    # The slope is continuous (central differences, then linear), so that the
-    # equilibrium can be found where two flanks meet at a corner.
+    """Return a surface with the heights ``height_m`` at the points of a regular grid."""
+    # The slope at the points is computed by central differences, and interpolated linearly between
+    # them. Because it is continuous, Newton's method also finds the balance at a corner.
     slope = np.gradient(height_m, spacing_m)
     slope[0] = slope[-1] = 0.0
     table = np.column_stack([height_m[:-1], np.diff(height_m), slope[:-1], np.diff(slope)])
@@ -67,9 +71,10 @@ def build_surface(height_m: FloatArray, origin_m: float, spacing_m: float) -> Su
 
 
 def compute_plate_profile(plate: Plate, x_m: FloatArray, tray_depth_m: float) -> FloatArray:
-    """Return the height of the plate at positions along it [m]; 0 is its top, x = 0 its edge.
+    """Return the height of a plate at the positions ``x_m`` along it [m].
 
-    The tray beside the plate is ``tray_depth_m`` below its top [m].
+    x is 0 at the edge of the plate, and the height is 0 at its top. Beside the plate is the tray,
+    which is ``tray_depth_m`` lower than the top.
     """
     height = np.where((x_m >= 0) & (x_m <= plate.length_m), 0.0, -tray_depth_m)
     if plate.groove == 'none':
@@ -80,7 +85,7 @@ def compute_plate_profile(plate: Plate, x_m: FloatArray, tray_depth_m: float) ->
         drawn = np.interp(along, points_m[:, 0], points_m[:, 1])
         return np.where((along >= 0) & (along <= plate.grooved_mm * 1e-3), drawn, height)
     width, depth = plate.width_mm * 1e-3, plate.depth_mm * 1e-3
-    # Each pitch is half a land, a groove, half a land; there is no groove at the end of the zone.
+    # In each pitch, the groove is in the middle. An incomplete pitch at the end has no groove.
     pitch = plate.pitch_mm * 1e-3
     count = int(plate.grooved_mm * 1e-3 / pitch + 1e-9)
     off_centre = np.abs(np.mod(along, pitch) - pitch / 2)
@@ -99,8 +104,9 @@ def compute_plate_profile(plate: Plate, x_m: FloatArray, tray_depth_m: float) ->
 def dilate_by_circle(height_m: FloatArray, spacing_m: float, radius_m: float) -> FloatArray:
     """Return the height of the lowest point of a circle that rests on a profile.
 
-    The greyscale dilation of the profile by the circle: max over u of
-    ``h(x + u) + sqrt(R^2 - u^2) - R``; the values at the ends continue beyond the ends.
+    For the profile h and the radius R, the height at x is the maximum of
+    ``h(x + u) + sqrt(R^2 - u^2) - R`` for all u (greyscale dilation). Beyond its ends, the profile
+    is continued with a constant height.
     """
     reach = int(radius_m / spacing_m)
     padded = np.pad(height_m, reach, mode='edge')
@@ -114,7 +120,7 @@ def dilate_by_circle(height_m: FloatArray, spacing_m: float, radius_m: float) ->
 
 @lru_cache
 def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) -> Surface:
-    """Return the path of a fingertip of this radius over a plate in its tray."""
+    """Return the path of a fingertip over a plate in its tray, as a `Surface`."""
     margin = 0.02
     points = round((plate.length_m + 2 * margin) / SPACING_M) + 1
     x_m = -margin + SPACING_M * np.arange(points, dtype=np.float64)
@@ -124,14 +130,14 @@ def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A finger over a plate (texture), an object (stiffness) or nothing.
+    """A finger above a plate (texture trial), above an object (stiffness trial), or above nothing.
 
     ``body`` is a soft object under the fingertip, or None for a rigid plate. ``surface`` is the
-    surface of the plate or object, or None if it is level. ``lead_m`` is the coordinate of the
-    surface point that is under the tip when the guide is at ``guide_m`` and the finger has its
-    contact bend. The plate or object is present only within ``half_width_m`` of ``guide_m`` [m].
-
-    If ``inertia`` is True, the finger oscillates freely when a plate glides under it.
+    surface of the plate or object, or None if it is level. The plate or object is under the
+    fingertip only while the guide is within ``half_width_m`` of ``guide_m`` [m]. If the guide is
+    at ``guide_m`` and the finger has its contact bend, the tip is above the coordinate ``lead_m``
+    of the surface [m]. If ``inertia`` is True, the equations include the mass of the finger, which
+    can therefore oscillate.
     """
 
     finger: Finger
@@ -146,7 +152,7 @@ class Scene:
 
     @cached_property
     def constants(self) -> Constants:
-        """Return the constants that all trials share, for the solver."""
+        """Constants of the equations, which are equal for all trials of the scene."""
         f = self.finger
         softening = self.body.softening_m if self.body else 0.0
         return Constants(
@@ -181,7 +187,11 @@ class Scene:
 
     @cached_property
     def parameters(self) -> tuple[Any, ...]:
-        """Constants, springs of the object, surface, its grid, and whether the object yields."""
+        """The scene as a tuple for the solver.
+
+        It has the constants, the stiffnesses of the object, the table of the surface, its grid,
+        and True if the object is soft.
+        """
         springs = [0.0] * (1 + at.MAX_BRANCHES)
         if self.body:
             springs[0] = self.body.stiffness_n_m
@@ -191,7 +201,8 @@ class Scene:
         grid = (0.0, 1.0, 0.0)
         if self.surface is not None:
             table = self.surface.table
-            # The end of the last cell belongs to it.
+            # Largest coordinate on the grid. It is slightly smaller than the number of cells, so
+            # that it belongs to the last cell.
             last = math.nextafter(float(len(table)), 0.0)
             grid = (self.surface.origin_m, 1 / self.surface.spacing_m, last)
         return self.constants, tuple(springs), table, grid, self.body is not None
@@ -201,7 +212,10 @@ class Scene:
         return self.compute_coefficients(_REST_STEPS_S)
 
     def compute_coefficients(self, steps_s: tuple[float, ...]) -> FloatArray:
-        """Return coefficients of steps of these lengths; see `steps.compute_coefficients`."""
+        """Return the coefficients for time steps of these lengths [s].
+
+        `steps.compute_coefficients` describes the result.
+        """
         branches = self.body.branches if self.body else ()
         return compute_coefficients(
             steps_s,
@@ -211,7 +225,10 @@ class Scene:
         )
 
     def compute_inputs(self, tendon_m: FloatArray, guide_m: FloatArray) -> FloatArray:
-        """Return inputs of steps, shape (steps, INPUTS), from axis positions at their ends [m]."""
+        """Return the inputs of the solver for time steps, shape (steps, INPUTS).
+
+        ``tendon_m`` and ``guide_m`` are the positions of the axes at the end of each step [m].
+        """
         inputs = np.zeros((len(tendon_m), at.INPUTS))
         inputs[:, at.TENDON_INPUT] = tendon_m
         inputs[:, at.GUIDE_INPUT] = guide_m
@@ -224,11 +241,11 @@ class Scene:
         inputs: FloatArray,
         state: FloatArray | None = None,
     ) -> FloatArray:
-        """Return trials at rest, without sticking friction; shape (TRIAL_ROWS, trials).
+        """Return the initial states of trials at rest, shape (TRIAL_ROWS, trials).
 
-        ``inputs`` has the shape (INPUTS,). ``state`` is the state of a finger in another scene,
-        which comes to rest in this one.
-
+        The state of rest is computed without friction. ``inputs`` has the shape (INPUTS,). If
+        ``state`` is passed, the search for rest begins with the bend of the finger in this state
+        of another scene.
         Raises `ConvergenceError` when there is no state of rest.
         """
         count = len(variation.phase)
@@ -243,7 +260,7 @@ class Scene:
         reach_m = length_m * math.sin(bend_rad) / bend_rad
         fresh[at.CLEARANCE] = drop_m - variation.contact_height_m
         scale = variation.glide_speed
-        # An error of the guide's scale acts from the position where it meets the plate.
+        # The scale of the guide's motion varies between trials. It has no effect at ``guide_m``.
         fresh[at.OFFSET] = (
             self.lead_m - reach_m - self.guide_m + variation.placement_m
         ) + self.guide_m * (1 - scale)
@@ -256,7 +273,8 @@ class Scene:
         steps = np.arange(len(_REST_STEPS_S))
         advance_trials(
             fresh,
-            (self.constants._replace(masses=NO_MASSES), *self.parameters[1:]),  # at rest
+            # Masses have no effect at rest.
+            (self.constants._replace(masses=NO_MASSES), *self.parameters[1:]),
             steps,
             inputs,
             np.tile(inputs, (len(steps), 1)),
@@ -300,7 +318,7 @@ def build_scene(
     here = place.object_guide_m, place.object_half_width_m
     if protocol == 'stiffness':
         body = catalogue.body(object_label)
-        if body.stiffness_n_m == 0:  # no object, therefore no position
+        if body.stiffness_n_m == 0:  # there is no object at any position of the guide
             return Scene(finger, rig, body.friction, place.object_guide_m, -1.0)
         return Scene(finger, rig, body.friction, *here, body)
     raise DescriptionError(f"protocol is {protocol!r}; it must be 'texture' or 'stiffness'")

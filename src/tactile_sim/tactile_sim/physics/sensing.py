@@ -1,10 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Readings of the load cell from the force on it, for many trials or sample by sample.
+"""Errors of the load cell, which are added to the simulated tension.
 
-The effects have the same order as in the hardware: crosstalk of the contact through the mount,
-low-pass filter, zero (bias and drift), noise, saturation, steps of the converter.
+Readings are computed for all samples of many trials, or for one sample. The errors have the same
+order as in the hardware: crosstalk of the contact force, low-pass filter, offset (bias and drift),
+noise, saturation, and rounding by the analog-to-digital converter.
 """
 
 from __future__ import annotations
@@ -22,9 +23,12 @@ from tactile_sim.physics.steps import compute_relaxation
 FloatArray = NDArray[np.float64]
 
 
-@lru_cache(maxsize=512)  # lengths of steps differ only by rounding
+@lru_cache(maxsize=512)  # there are only few values of ``step_s``
 def low_pass_coefficients(step_s: float, low_pass_hz: float) -> tuple[float, float, float]:
-    """Return the coefficients of one step of the one-pole filter; see `compute_relaxation`."""
+    """Return the coefficients of the load cell's low-pass filter for a time step of ``step_s``.
+
+    `compute_relaxation` describes them.
+    """
     return compute_relaxation(step_s, 1 / (2 * math.pi * low_pass_hz))
 
 
@@ -34,15 +38,14 @@ def read_tension(
     sensor_bias_n: FloatArray,
     generators: Sequence[np.random.Generator],
 ) -> FloatArray:
-    """Return the readings of the load cell from the filtered force on it.
-
+    """Return the readings of the load cell for the force on it.
     The drift of each trial starts at 0. The first readings of a trial do not depend on the number
     of later readings.
 
     Parameters
     ----------
     tension_n : ndarray of float, shape (trials, samples)
-        Force after crosstalk and low pass [N]; NaN is kept.
+        Force after crosstalk and low-pass filter [N]. For NaN, the reading is NaN.
     sensor_bias_n : ndarray of float, shape (trials,)
         Reading without load [N].
     generators : sequence of numpy.random.Generator
@@ -62,28 +65,31 @@ def read_tension(
 
 
 def compute_drift_step_n(cell: LoadCell) -> float:
-    """Return the standard deviation of the random walk from one sample to the next [N]."""
+    """Return the standard deviation of the change of the drift between two samples [N]."""
     return cell.drift_n_rt_s * math.sqrt(cell.period_s)
 
 
 def convert_one(cell: LoadCell, signal_n: float, noise: float) -> float:
-    """Return the reading [N] for one force, which may be infinite.
+    """Return the reading for one force, which may be infinite [N].
 
-    The result equals the result of `convert_to_reading`, bit for bit.
+    The result is exactly equal to the result of `convert_to_reading`.
     """
     most = _count_steps(cell)
     counts = (signal_n + cell.noise_n * noise) / cell.resolution_n
     whole = round(min(max(counts, -most), most))
-    return cell.resolution_n * math.copysign(whole, counts)  # keeps the sign of zero
+    return cell.resolution_n * math.copysign(whole, counts)  # -0.0 as in NumPy
 
 
 def _count_steps(cell: LoadCell) -> int:
-    # The last step of the converter is the last one within the capacity.
+    # Number of steps of the converter within the capacity. The tolerance is for rounding errors.
     return math.floor(cell.capacity_n / cell.resolution_n * (1 + 1e-12))
 
 
 def convert_to_reading(cell: LoadCell, signal_n: FloatArray, noise: FloatArray) -> FloatArray:
-    """Add standard normal noise, limit to the capacity, round to the converter's steps [N]."""
+    """Return readings for forces: add noise, limit to the capacity, and round to a step [N].
+
+    ``noise`` has standard normal values.
+    """
     most = _count_steps(cell)
     counts = np.rint((signal_n + cell.noise_n * noise) / cell.resolution_n)
     return np.asarray(cell.resolution_n * np.clip(counts, -most, most))

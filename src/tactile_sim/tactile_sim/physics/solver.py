@@ -1,12 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The solver, compiled by numba, which advances trials of one scene through time.
+"""The solver, which advances trials of one scene through time. It is compiled by numba.
 
-Trials are computed in parallel in vector registers. Loops over the trials of a block are innermost
-and without branches, and the rows of a block are in one array of known width, so that the
-compiler can prove them independent. Contraction to fused operations is off: it would be 5 to 20 %
-faster, but the bits would depend on the machine.
+The compiler computes the trials of a block in parallel with vector instructions. For this purpose,
+the innermost loops are over the trials of a block and have no branches, and all values of a block
+are in one array whose width is a constant. Fused multiply-add operations are not used. They would
+make the solver 5 to 20 % faster, but its results would depend on the processor.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from tactile_sim.physics.steps import MAX_HALVINGS, split_inputs
 FloatArray = NDArray[np.float64]
 
 TOLERANCE_NM = 1e-7
-"""Largest residual moment of a solved step [N m]; about 2e-5 N of tension."""
+"""Largest residual moment of a solved time step [N m]. It corresponds to an error of the tension
+of about 2e-5 N."""
 
 BLOCK = 16
 """Number of trials that are computed in parallel."""
@@ -52,33 +53,35 @@ def advance_trials(
     tolerance_nm: float = TOLERANCE_NM,
     trusted_nm: float = 0.0,
 ) -> Any:
-    """Advance every trial through the same steps.
+    """Simulate trials of one scene for a number of time steps, which are the same for all trials.
 
     The result of a trial does not depend on the other trials.
 
     Parameters
     ----------
     state : ndarray of shape (TRIAL_ROWS, trials)
-        See `layout`; holds the new state afterwards.
+        State and parameters of each trial; see `layout`. The call writes the new state to it.
     scene : tuple
-        `Scene.parameters`.
+        Value of `Scene.parameters`.
     lengths : ndarray of int, shape (steps,)
-        Row of ``coefficients`` for each step.
+        For each time step, the index of its length in ``coefficients``.
     coefficients : ndarray
-        From `compute_coefficients`.
+        Result of `compute_coefficients`.
     start, inputs : ndarray of shape (INPUTS,) and (steps, INPUTS)
         Inputs before the first step, and at the end of each step.
     rows : ndarray of int
         Rows of the state to return for each step.
     failed : ndarray of int, shape (trials,)
-        -1 for a trial to advance; afterwards the step at which it found no balance.
+        -1 for each trial to simulate. If the solver finds no balance of moments for a trial, it
+        writes the number of the time step.
     grip : float
-        1, or 0 to release all friction.
+        1, or 0 to simulate without friction.
     tolerance_nm : float
-        Largest residual moment of a solved step [N m].
+        Largest residual moment of a solved time step [N m].
     trusted_nm : float
-        If the residual before a change of Newton's method is at most this [N m], and friction
-        behaves as foreseen, the step ends without a check of the new residual. For rigid surfaces.
+        If the residual moment before an iteration of Newton's method is at most this value [N m],
+        and friction is nearly linear in this iteration, the residual after it is not checked. Use
+        a value above 0 only for rigid surfaces.
 
     Returns
     -------
@@ -98,7 +101,7 @@ def advance_trials(
     control = (grip, tolerance_nm, trusted_nm, _ITERATIONS)
     trials = state.shape[1]
     wanted = np.array(rows, dtype=np.int64)
-    # A block is always full: the last trial is repeated in its unused columns.
+    # If there are not enough trials for the last block, the last trial is repeated in it.
     width = 1 if trials == 1 and _lacks_numba() else BLOCK
     columns = np.minimum(np.arange(-(-trials // width) * width), trials - 1).reshape(-1, width)
     out = np.empty((len(columns), len(lengths) + 1, len(rows), width))
@@ -116,11 +119,10 @@ def advance_trials(
 
 @lru_cache
 def load_advance() -> Callable[..., None]:
-    """Return the compiled solver, for blocks of `BLOCK` trials.
-
+    """Return the compiled function that simulates a block of `BLOCK` trials.
     Raises `SolverError` when numba is missing or cannot compile the solver.
     """
-    # Imported lazily: importing numba takes 0.5 s, and only simulations need it.
+    # numba is imported here, because this takes 0.5 s and only simulations need it.
     try:
         import numba
         from numba.core.errors import NumbaError
@@ -151,10 +153,11 @@ def _lacks_numba() -> bool:
 
 @lru_cache
 def load_interpreted() -> Callable[..., None]:
-    """Return the solver as plain Python, for a single trial; it gives the same bits."""
+    """Return the solver as plain Python, for a single trial. Its results are exactly equal."""
 
     def zeros(shape: Any) -> Any:
-        # Its elements are Python numbers, which are several times faster than NumPy scalars.
+        # The elements of a memoryview are Python numbers, with which calculations are several
+        # times faster than with NumPy scalars.
         values: Any = np.zeros(shape)
         return memoryview(values)
 
@@ -177,7 +180,7 @@ def load_interpreted() -> Callable[..., None]:
         numbers = (some.tolist() for some in (lengths, start, inputs, coefficients))
         try:
             plain(state, scene, *numbers, control, rows.tolist(), out, failed)
-        except ArithmeticError:  # NumPy would return infinity here, without a balance
+        except ArithmeticError:  # compiled code would continue with infinity and find no balance
             failed[:] = 0
 
     return advance
@@ -202,7 +205,7 @@ def _make_advance(numba: Any, width: int) -> Callable[..., None]:
     advance = _write_advance(inline, width, np.zeros, np.uint64)
     try:
         compiled: Callable[..., None] = numba.njit(cache=True, **_OPTIONS)(advance)
-    except RuntimeError:  # no folder is writable: every process compiles
+    except RuntimeError:  # numba finds no writable folder for its cache
         compiled = numba.njit(**_OPTIONS)(advance)
     return compiled
 
@@ -210,9 +213,12 @@ def _make_advance(numba: Any, width: int) -> Callable[..., None]:
 def _write_advance(
     inline: Callable[..., Any], width: int, zeros: Callable[..., Any], to_index: Callable[..., Any]
 ) -> Callable[..., None]:
-    """Return the solver for blocks of ``width`` trials, before `inline` and numba compile it."""
-    # numba caches compiled code and checks only the age of this file. A number in the closure
-    # makes the cache depend on the other files, too.
+    """Return the function that simulates a block of ``width`` trials, not yet compiled.
+
+    ``inline`` decorates the functions that it calls.
+    """
+    # numba keeps compiled code in a cache while this file is unchanged, even if another file has
+    # changed. It also compares variables of the closure, so one of them is a hash of other files.
     sources = _hash_sources()
 
     @inline
@@ -302,7 +308,7 @@ def _write_advance(
                 pending[t] = 1.0 if failed[t] < 0 else 0.0
             for level in range(MAX_HALVINGS + 1):
                 if level > 0:
-                    # Without a balance, retry from the start of the step in 2^level parts.
+                    # No balance was found. Repeat the time step in 2^level shorter steps.
                     for t in range(width):
                         z[at.FRESH, t] = 1.0 if pending[t] > 0.0 else z[at.FRESH, t]
                     for r in range(at.STATE_ROWS):
@@ -345,4 +351,4 @@ def _write_advance(
 def _hash_sources() -> int:
     names = ('equations', 'layout', 'steps')
     sources = b''.join((Path(__file__).with_name(f'{name}.py')).read_bytes() for name in names)
-    return zlib.crc32(sources + np.__version__.encode())  # constants are computed by NumPy
+    return zlib.crc32(sources + np.__version__.encode())  # NumPy computes constants

@@ -1,10 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of a trial in parts, and the coefficients for its length.
+"""Functions that compute one time step of a trial, and coefficients that depend on its length.
 
-``z`` is a block of rows, shape (layout.ROWS, trials); ``t`` selects trials: a number in the
-solver, a slice over all trials in the independent solver of the tests. Both use the code below.
+In all functions, ``z`` is a block of trials, an array of shape (layout.ROWS, trials), and ``t``
+selects trials. In the solver, ``t`` is a number. In the independent solver of the tests, it is a
+slice of all trials.
 """
 
 from __future__ import annotations
@@ -26,26 +27,29 @@ from tactile_sim.physics.equations import (
 )
 
 _SERIES_BELOW = 1.0
-_SERIES_TERMS = 22  # the first omitted term is below 1e-21
+_SERIES_TERMS = 22  # the terms after these are below 1e-21
 
 FloatArray = NDArray[np.float64]
 MAX_HALVINGS = 10
-"""A step without a balance is divided into up to 2^10 parts."""
+"""If no balance is found in a time step, it is divided into 2, 4, ... up to 2^10 parts."""
 
 MAX_TURN_RAD = 0.35
-"""A step with a larger change is divided, because the finger may have changed branch [rad]."""
+"""Largest change of q0 in one time step [rad]. With a larger change, the solver may have found a
+different solution of the equations, so the step is divided."""
 
 _MIDDLE_RAD, _RANGE_RAD = 0.9, 1.8
 _SURPRISE = 0.01
-"""Largest unforeseen friction moment of an unchecked change, as a fraction of ``trusted`` [1]."""
+"""Largest ``surprise`` of `compute_balance` with which an iteration of Newton's method can be the
+last one without a check of the residual, as a fraction of ``trusted`` [1]."""
 
 
 def compute_relaxation(step_s: float, time_s: float) -> tuple[float, float, float]:
-    """Return coefficients (alpha, beta, gamma) of one step of ``y' = (u - y) / time_s``.
+    """Return coefficients (alpha, beta, gamma) for one time step of ``y' = (u - y) / time_s``.
 
-    ``y1 = alpha y0 + beta u0 + gamma u1`` is exact for an input u that is linear over the
-    step (first-order hold). With a = step / time they are exp(-a), (1 - exp(-a)) / a - exp(-a)
-    and 1 - (1 - exp(-a)) / a, and their sum is 1. For an infinite step they are (0, 0, 1).
+    y changes from y0 to ``y1 = alpha y0 + beta u0 + gamma u1``. This is exact if the input u
+    changes linearly from u0 to u1 (first-order hold). With a = step_s / time_s, alpha is exp(-a),
+    beta is (1 - exp(-a)) / a - exp(-a), and gamma is 1 - (1 - exp(-a)) / a. Their sum is 1. For
+    an infinite step, they are (0, 0, 1).
     """
     if math.isinf(step_s):
         return 0.0, 0.0, 1.0
@@ -54,11 +58,11 @@ def compute_relaxation(step_s: float, time_s: float) -> tuple[float, float, floa
     if a >= _SERIES_BELOW:
         mean = -math.expm1(-a) / a
         return alpha, mean - alpha, 1 - mean
-    # The quotients suffer from cancellation for short steps; their Taylor series do not.
+    # For short steps, the formulas above suffer from cancellation, so Taylor series are used.
     beta = gamma = 0.0
     term = 1.0
     for k in range(1, _SERIES_TERMS):
-        term *= -a / (k + 1)  # (-a)^k / (k + 1)!
+        term *= -a / (k + 1)  # the term is now (-a)^k / (k + 1)!
         beta -= k * term
         gamma -= term
     return alpha, beta, gamma
@@ -70,9 +74,11 @@ def compute_coefficients(
     branch_times_s: Sequence[float],
     sensor_time_s: float,
 ) -> FloatArray:
-    """Return coefficients of every occurring step length and its parts; infinity means rest.
+    """Return the coefficients for each step length, and for its parts if a step is divided.
 
-    The result has shape (lengths, MAX_HALVINGS + 1, COLUMNS); see `layout`.
+    An infinite length stands for the state of rest. The result has the shape (lengths,
+    MAX_HALVINGS + 1, COLUMNS). Index i of the second axis is for steps that are divided into 2^i
+    parts. The module `layout` has the columns.
     """
     table = np.zeros((len(steps_s), MAX_HALVINGS + 1, at.COLUMNS))
     for index in np.ndindex(table.shape[:2]):
@@ -88,20 +94,21 @@ def compute_coefficients(
 
 
 def split_inputs(before: Any, after: Any, share: float, out: Any) -> None:
-    """Interpolate inputs linearly at a fraction of a step, shape (INPUTS,)."""
+    """Write inputs to ``out``, interpolated linearly at the fraction ``share`` of a time step."""
     for i in range(at.PRESENT_INPUT):
-        # Relative to the end, so that a whole step has exactly its inputs.
+        # With this formula, the result for ``share`` = 1 is exactly ``after``.
         out[i] = after[i] - (1.0 - share) * (after[i] - before[i])
-    out[at.PRESENT_INPUT] = after[at.PRESENT_INPUT]  # presence is not interpolated
+    out[at.PRESENT_INPUT] = after[at.PRESENT_INPUT]  # is either 0 or 1
 
 
 def begin_step(z: Any, t: Any, coefficients: Any) -> None:
-    """Begin a step with the state of the trial, and predict the same change as in the last step.
+    """Begin a time step: predict the modes, and compute the bases in the formulas of their rates.
 
-    The rate of change at the end of the step is ``(q - base) * RATE``: Euler's in a fresh step,
-    otherwise the second backward difference (Gear, "Numerical initial value problems in
-    ordinary differential equations", 1971). The acceleration is the same difference of these
-    rates: ``q * RATE^2 - swing base``.
+    The predicted change of the modes is the change in the last step. The rate of a mode q at the
+    end of the step is ``(q - base) * RATE``. This is the backward difference formula of second
+    order (Gear, "Numerical initial value problems in ordinary differential equations", 1971). If
+    the last step had another length, it is of first order (Euler). The acceleration is computed
+    from the rates with the same formula, as ``q * RATE^2 - swing base``.
     """
     z[at.OPEN, t] = z[at.ACTIVE, t]
     known = 1.0 - z[at.FRESH, t]
@@ -119,7 +126,10 @@ def begin_step(z: Any, t: Any, coefficients: Any) -> None:
 
 
 def begin_creep(z: Any, t: Any, coefficients: Any, constants: Any) -> None:
-    """Compute moments of the creeping branch, by its exact relaxation over the step."""
+    """Compute the moments of the finger's creeping branch on the modes.
+
+    The relaxation of the branch in this time step is computed exactly.
+    """
     keep, early = coefficients[at.CREEP_COLUMN], coefficients[at.CREEP_COLUMN + 1]
     k = constants.creep_stiffness
     z[at.CREEP_MOMENTS, t] = k * (keep * z[at.CREEP, t] + early * z[at.MODES, t])
@@ -128,7 +138,10 @@ def begin_creep(z: Any, t: Any, coefficients: Any, constants: Any) -> None:
 
 
 def begin_object(z: Any, t: Any, coefficients: Any, springs: Any) -> None:
-    """Compute stiffness of the object over the step, and the force missing due to its branches."""
+    """Compute the stiffness of the object in this time step.
+
+    Also compute the decrease of its force that is due to the relaxation of its branches.
+    """
     factor, pressed = z[at.OBJECT_FACTOR, t], z[at.PRESSED, t]
     material, rest = springs[0], 0.0 * pressed
     for b in range(at.MAX_BRANCHES):
@@ -145,7 +158,7 @@ def begin_object(z: Any, t: Any, coefficients: Any, springs: Any) -> None:
 
 
 def locate(z: Any, t: Any, guide_m: float, constants: Any) -> None:
-    """Bend the line, and compute the position of its tip."""
+    """Compute the centre line of the bent finger, and the coordinate of its tip on the surface."""
     line = compute_line(
         z[at.NEW_MODES, t],
         z[at.NEW_MODES + 1, t],
@@ -163,14 +176,14 @@ def locate(z: Any, t: Any, guide_m: float, constants: Any) -> None:
 
 
 def find_cell(z: Any, t: Any, origin_m: float, per_spacing: float, last: float) -> None:
-    """Find the cell of the surface's grid under the tip; beyond the ends it is level."""
+    """Find the cell of the surface's grid under the tip, or the nearest end of the grid."""
     cell = (z[at.REACH, t] - origin_m) * per_spacing
     cell = select(cell > 0.0, cell, 0.0)
     z[at.CELL, t] = select(cell < last, cell, last)
 
 
 def press_rigid(z: Any, t: Any, constants: Any) -> None:
-    """Press the fingertip on a rigid surface."""
+    """Compute the normal force between the fingertip and a rigid surface."""
     indentation = constants.length * z[at.LINE, t] - z[at.CLEARANCE, t] + z[at.HEIGHT, t]
     damper = constants.tip_damping * z[at.RATE, t]
     z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t] = compute_rigid_contact(
@@ -179,7 +192,7 @@ def press_rigid(z: Any, t: Any, constants: Any) -> None:
 
 
 def press_object(z: Any, t: Any, constants: Any) -> None:
-    """Press the fingertip on a soft object."""
+    """Compute the normal force between the fingertip and a soft object, and its compression."""
     indentation = constants.length * z[at.LINE, t] - z[at.CLEARANCE, t] + z[at.HEIGHT, t]
     damper = constants.tip_damping * z[at.RATE, t]
     z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t], z[at.NEW_PRESSED, t] = compute_object_contact(
@@ -193,7 +206,7 @@ def press_object(z: Any, t: Any, constants: Any) -> None:
 
 
 def leave_object(z: Any, t: Any) -> None:
-    """Let the object recover, when it is not under the tip."""
+    """Compute the compression of an object that is not under the tip, so that it recovers."""
     material = z[at.MATERIAL, t]
     z[at.NEW_PRESSED, t] = z[at.REST, t] / select(material > 0.0, material, 1.0)
 
@@ -208,10 +221,10 @@ def improve(
     trusted: float,
     constants: Any,
 ) -> None:
-    """Make one iteration of Newton's method; solved trials do not change.
+    """Make one iteration of Newton's method for the trials that are not yet solved.
 
-    A trial is solved when its residual is within the tolerance, or when the residual before the
-    change was within ``trusted`` and friction behaves as foreseen.
+    A trial is solved when its residual moment is within ``tolerance``. It is also solved when the
+    residual before this iteration was within ``trusted`` and friction is nearly linear.
     """
     i = at.LINE
     line = (
@@ -258,7 +271,7 @@ def improve(
         constants,
     )
     was_open = z[at.OPEN, t] > 0.0
-    # Comparisons with NaN are false: a trial with NaN stays unsolved.
+    # Because comparisons with NaN are false, a trial with NaN remains unsolved.
     go = select(residual <= tolerance, 0.0, z[at.OPEN, t])
     ends = select(residual <= trusted, 0.0, go)
     z[at.OPEN, t] = select(surprise <= _SURPRISE * trusted, ends, go)
@@ -274,7 +287,7 @@ def improve(
 
 
 def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> None:
-    """Copy the results of the step to the state, for the trials that have solved it."""
+    """Write the results of the time step to the state of each trial that is solved."""
     q0 = z[at.NEW_MODES, t]
     turn = select(abs(q0 - z[at.MODES, t]) <= MAX_TURN_RAD, 1.0, 1.0 - grip)
     inside = select(abs(q0 - _MIDDLE_RAD) <= _RANGE_RAD, turn, 0.0)
@@ -318,7 +331,7 @@ def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> 
 
 
 def end_object(z: Any, t: Any, coefficients: Any) -> None:
-    """Relax the branches of the object; call this after `end_step`."""
+    """Update the relaxation of the object's branches; must be called after `end_step`."""
     done = z[at.SOLVED, t] > 0.0
     old, new = z[at.PRESSED, t], z[at.NEW_PRESSED, t]
     for b in range(at.MAX_BRANCHES):

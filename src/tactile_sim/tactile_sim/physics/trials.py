@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulation of trials: many in parallel, or one step by step together with its devices."""
+"""Simulation of many trials in parallel, or of one trial together with the simulated devices."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ from tactile_sim.physics.variation import draw_variation, Variation
 FloatArray = NDArray[np.float64]
 
 STEPS_PER_SAMPLE = 16
-"""Steps per sample of the sensor during motion. docs/benchmarks.md has errors of other values."""
+"""Number of time steps per sample of the load cell while an axis moves. The page
+docs/benchmarks.md compares the errors of different numbers."""
 
 TRUSTED_NM = 1e-2
-"""Value of ``trusted_nm`` of `advance_trials` for scenes with inertia [N m]."""
+"""Default of the argument ``trusted_nm`` of `advance_trials` for scenes with inertia [N m]."""
 
 _RESTING_STEPS_PER_SAMPLE = 2
-_SETTLING_S = 0.1  # transients of the finger last about 20 ms
+_SETTLING_S = 0.1  # time after a motion with small steps; the finger comes to rest in 20 ms
 _BATCH = 64
 _ROWS = (at.SENSED, at.TENSION, at.FORCE, at.MODES)
 _MODE_ROWS = (at.MODES + 1, at.MODES + 2)
@@ -40,11 +41,12 @@ _STATE = tuple(range(at.STATE_ROWS))
 
 @dataclass(frozen=True)
 class SimulatedTrials:
-    """Trials as recorded by the load cell.
+    """Simulated trials, with the errors of the load cell.
 
-    ``tension_n`` of shape (trials, samples) are the readings [N], NaN from the point where a trial
-    found no balance. ``sample_times_s`` of shape (samples,) are relative to the start of the
-    timeline, on the true clock [s]. For ``truth`` and ``failed_at_s`` see `SimulatedMotion`.
+    ``tension_n`` of shape (trials, samples) are the readings of the load cell [N]. They are NaN
+    from the time at which the solver found no balance for a trial. ``sample_times_s`` of shape
+    (samples,) are true times since the start of the timeline [s]. `SimulatedMotion` describes
+    ``truth`` and ``failed_at_s``.
     """
 
     tension_n: FloatArray
@@ -55,12 +57,13 @@ class SimulatedTrials:
 
 @dataclass(frozen=True)
 class SimulatedMotion:
-    """The physics of trials, without the errors of the sensor.
+    """Simulated trials, without bias, drift, noise and rounding of the load cell.
 
-    ``sensed_n`` of shape (trials, samples) is tension with crosstalk after the sensor's low pass
-    [N]. ``truth`` has arrays of the same shape: ``tension_n`` and ``contact_force_n`` [N],
-    ``bend_rad`` [rad]; if requested, ``modes_rad`` of shape (trials, samples, 3). ``failed_at_s``
-    is NaN, or the time at which a trial found no balance [s]; its rows are NaN from then on.
+    ``sensed_n`` of shape (trials, samples) is the tension with crosstalk of the contact force,
+    after the low-pass filter of the load cell [N]. ``truth`` has arrays of the same shape:
+    ``tension_n`` and ``contact_force_n`` [N], and ``bend_rad`` [rad]. If requested, it also has
+    ``modes_rad`` of shape (trials, samples, 3). ``failed_at_s`` of shape (trials,) is the time at
+    which the solver found no balance for a trial [s], after which its values are NaN; or NaN.
     """
 
     sample_times_s: FloatArray
@@ -108,7 +111,8 @@ def simulate_trials(
         first,
         trials_per_mounting,
     )
-    # Samples coincide with ends of steps during motion, so that they need no interpolation.
+    # Phases are rounded so that samples coincide with ends of time steps while an axis moves.
+    # These samples need no interpolation.
     phase = np.floor(variation.phase * STEPS_PER_SAMPLE) / STEPS_PER_SAMPLE
     motion = simulate_motion(scene, timeline, replace(variation, phase=phase))
     tension_n = read_tension(
@@ -125,10 +129,11 @@ def simulate_motion(
     keep_modes: bool = False,
     trusted_nm: float = TRUSTED_NM,
 ) -> SimulatedMotion:
-    """Return the physics of `simulate_trials` for given variations.
+    """Simulate trials with given variations, without the errors of the load cell.
 
-    While the axes rest, the number of steps per sample is an eighth, but at least one. If
-    ``trusted_nm`` is 0, every step is solved to the tolerance.
+    ``steps_per_sample`` is the number of time steps per sample while an axis moves. While the axes
+    rest, there are an eighth as many steps, but at least one. If ``trusted_nm`` is 0, the residual
+    of every step is checked; see `advance_trials`.
 
     Raises `DescriptionError` when the timeline does not fit the rig, and `ConvergenceError` when
     the finger has no state of rest at the start.
@@ -152,7 +157,7 @@ def simulate_motion(
 
 
 class _Schedule:
-    """Steps of a timeline: fine while an axis moves, coarse while all axes rest."""
+    """Time steps of a timeline, which are short while an axis moves and longer at rest."""
 
     def __init__(self, scene: Scene, timeline: Timeline, steps_per_sample: int) -> None:
         period_s = scene.rig.load_cell.period_s
@@ -169,8 +174,10 @@ class _Schedule:
         self.lengths = np.repeat(np.where(moving, 0, 1), steps)
         lengths_s = np.array([period_s / steps_per_sample, period_s / resting])
         self.coefficients = scene.compute_coefficients(tuple(lengths_s))
-        self._before = np.concatenate([[0], np.cumsum(steps)])  # steps before each period
-        # Computed from whole periods, so that rounding errors do not accumulate.
+        # Number of time steps before each sample period.
+        self._before = np.concatenate([[0], np.cumsum(steps)])
+        # Times are computed from the start of each period, so that rounding errors do not
+        # accumulate.
         within = np.arange(len(self.lengths)) - np.repeat(self._before[:-1], steps)
         started_s = np.repeat(self.sample_times_s[:-1], steps)
         self.times_s = started_s + (within + 1) * lengths_s[self.lengths]
@@ -180,17 +187,17 @@ class _Schedule:
         self.start = scene.compute_inputs(tendon, guide)[0]
 
     def locate_samples(self, phase: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """Return the position of each sample: steps from the start, and a fraction of a step.
+        """Return the number of time steps before each sample, and the remaining part of a step.
 
-        The shape is (trials, samples). The sensor of a trial lags the motion by ``phase`` periods;
-        its first sample is at rest.
+        Both arrays have the shape (trials, samples). Sample i of a trial is taken ``i - phase``
+        sample periods after the start of the timeline, but not before the start.
         """
         periods = len(self._before) - 1
         time = np.maximum(np.arange(periods + 1) - phase[:, np.newaxis], 0.0)
         period = np.minimum(time.astype(np.intp), periods - 1)
         steps = np.diff(self._before)[period]
         within = (time - period) * steps
-        # Rounded where only rounding errors keep the number from being whole.
+        # Numbers that differ from whole numbers only by rounding errors are rounded.
         whole = np.rint(within)
         within = np.where(np.abs(within - whole) < 1e-9, whole, within)
         low = within.astype(np.intp)
@@ -204,7 +211,11 @@ def _run_batch(
     rows: tuple[int, ...],
     trusted_nm: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return sampled rows, shape (rows, trials, samples), and the failure time of each trial."""
+    """Simulate a batch of trials; return the values of ``rows`` at the samples.
+
+    The result has the shape (rows, trials, samples). Also return the time at which the solver
+    found no balance for each trial [s], or NaN.
+    """
     count = len(variation.phase)
     failed = np.full(count, -1, dtype=np.int64)
     out = advance_trials(
@@ -220,7 +231,7 @@ def _run_batch(
     )
     low, share = schedule.locate_samples(variation.phase)
     trial = np.arange(count)[:, np.newaxis]
-    # Position of the first row of each sample in the solver's blocks.
+    # Index of the first row at each sample in the flat result of the solver.
     place = ((trial // out.shape[3] * out.shape[1] + low) * out.shape[2]) * out.shape[3]
     place += trial % out.shape[3]
     between = np.flatnonzero(share)
@@ -237,10 +248,11 @@ def _run_batch(
 
 
 class ForeseenSteps(NamedTuple):
-    """Steps of a `Plant` that are computed, but not yet taken.
+    """Time steps that `Plant.foresee` has computed in advance.
 
-    ``states`` of shape (steps + 1, STATE_ROWS) ends before a step that finds no balance.
-    ``tension_n`` and ``contact_force_n`` of shape (steps,) are the values after each step [N].
+    ``states`` of shape (steps + 1, STATE_ROWS) are the states before the first step and after each
+    step. It is shorter if the solver finds no balance in a step. ``tension_n`` and
+    ``contact_force_n`` of shape (steps,) are the values after each step [N].
     """
 
     inputs: FloatArray
@@ -250,10 +262,10 @@ class ForeseenSteps(NamedTuple):
 
 
 class Plant:
-    """State of one trial, advanced by ``step``; the finger starts at rest.
+    """The simulated finger in one trial, which is advanced by time steps of ``step_s`` [s].
 
-    Guide and tendon start at ``guide_m`` and ``tendon_m`` [m]; every step has the length
-    ``step_s`` [s].
+    The finger is initially at rest, with the guide at ``guide_m`` and the tendon at ``tendon_m``
+    [m].
     """
 
     def __init__(
@@ -281,31 +293,32 @@ class Plant:
     def exchange(
         self, scene: Scene, variation: Variation, guide_m: float, tendon_m: float
     ) -> None:
-        """Change the plate, object or finger; the new scene starts at rest."""
+        """Replace the scene, for another plate, object or finger, which is then at rest."""
         self._scene = scene
         self._inputs = scene.compute_inputs(np.array([tendon_m]), np.array([guide_m]))[0]
         self._state = scene.start_trials(variation, self._inputs, self._state)
-        # Two equal lengths: a step of another length than the previous one does not use its
-        # differences, and every step of a live trial could be the first of a call.
+        # Two equal step lengths, which `foresee` uses in turn. The solver then treats every step
+        # as if the previous step had another length. Otherwise, the result of a step would depend
+        # on whether it is the first one of a call.
         self._coefficients = scene.compute_coefficients((self._step_s, self._step_s))
         self._is_steady = False
 
     def is_steady_at(self, guide_m: float, tendon_m: float) -> bool:
-        """Return True if no step changes the state while guide and tendon stay there."""
+        """Return True if time steps with the axes at these positions do not change the state."""
         return self._is_steady and self._steady_at_m == (guide_m, tendon_m)
 
     def step(self, guide_m: float, tendon_m: float) -> None:
-        """Take one step, at whose end guide and tendon are at these positions.
+        """Advance by one time step, at whose end guide and tendon are at these positions [m].
 
-        Raises `ConvergenceError` when no balance was found; the state is unusable afterwards.
+        Raises `ConvergenceError` when the solver finds no balance. The state is then unusable.
         """
         self.follow(self.foresee(np.array([guide_m]), np.array([tendon_m])), 1)
 
     def foresee(self, guide_m: FloatArray, tendon_m: FloatArray) -> ForeseenSteps:
-        """Compute steps, at whose ends guide and tendon are at these positions; shape (steps,)
-        [m].
+        """Compute time steps in advance, without changing the state.
 
-        The state does not change until `follow`.
+        At the end of each step, guide and tendon are at these positions; shape (steps,) [m].
+        `follow` changes the state accordingly.
         """
         assert self._state is not None
         inputs = self._scene.compute_inputs(tendon_m, guide_m)
@@ -328,9 +341,9 @@ class Plant:
         )
 
     def follow(self, steps: ForeseenSteps, count: int) -> None:
-        """Take the first ``count`` computed steps.
+        """Advance the state by the first ``count`` steps that `foresee` has computed.
 
-        Raises `ConvergenceError` when one of them found no balance.
+        Raises `ConvergenceError` when the solver found no balance in one of them.
         """
         assert self._state is not None
         states, inputs = steps.states, steps.inputs[:count]
@@ -341,8 +354,8 @@ class Plant:
                 f'{tendon_m:g} m; a motion was too fast, or the description is extreme'
             )
         before = self._inputs if count == 1 else inputs[-2]
-        # Bits are compared: if a step with constant inputs changes no bit, neither does the next
-        # step with these inputs.
+        # If a step with constant inputs changes no bit of the state, the next step with these
+        # inputs does not change it either.
         self._is_steady = (
             states[count].tobytes() == states[count - 1].tobytes()
             and inputs[-1].tobytes() == before.tobytes()
