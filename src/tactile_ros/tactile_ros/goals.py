@@ -89,7 +89,7 @@ class Goal:
 
     @property
     def end_requested(self) -> bool:
-        """True if the goal must end early, because of a request or a stop of the process."""
+        """True if the goal must end early, by request or because the process was stopped."""
         last = self._watch.look() if self._watch is not None else None
         if last is not None and last.end_s > self._began_s and self.end_reason is None:
             self.end_reason = _refuse_after(last)

@@ -176,7 +176,7 @@ about four heartbeats within `LEASE_S`."""
 _watch_numbers = itertools.count(1)
 """Nanoseconds that each `HeartbeatWatch` adds to its lease duration, so that all durations differ.
 In Fast DDS, readers with the same participant, topic and lease share one state, of which only
-changes are reported. A second such reader would never be told that the writer is alive."""
+changes are reported. A second such reader would never learn that the writer is alive."""
 
 
 def heartbeat_qos(lease_s: float = LEASE_S, extra_ns: int = 0) -> QoSProfile:

@@ -147,7 +147,7 @@ class MisfitWarnings:
 
     def warn(self) -> None:
         """Log each publisher with an incompatible QoS that was not logged before."""
-        for topic, profile in tuple(self._profiles.values()):  # threads may modify the dict
+        for topic, profile in tuple(self._profiles.values()):  # threads modify the dict
             for info in self._node.get_publishers_info_by_topic(topic):
                 level, reason = qos_check_compatible(info.qos_profile, profile)
                 reason = reason.removeprefix('ERROR: ').rstrip(';')

@@ -48,11 +48,11 @@ from tactile_testing.waiting import wait_until
 START_S = 60.0
 WORK_S = 60.0
 BLOCKS, EVENTS_AT_ONCE = 30, 12
-"""Largest numbers of strain blocks and of trial events that wait to be processed by the nodes."""
+"""Limits for the numbers of strain blocks and trial events that the nodes have yet to process."""
 
 BLOCKS_WITH_DETECTION = 10
-"""Value of `BLOCKS` for trials that are detected in the tension. The nodes detect fewer events in
-so many strain blocks than the queue of a subscriber can store."""
+"""Value of `BLOCKS` for trials that are detected in the tension. In this number of strain blocks,
+the nodes detect fewer events than the queue of a subscriber can store."""
 
 OUTPUTS = {
     'tactile_features/features': TactileFeatures,
@@ -108,7 +108,7 @@ def stiffness(stiffness_bag, trained):
 
 
 def outputs_of_core(case):
-    """Return the results of the plain core for the recording; the keys are topics."""
+    """Return, by topic, the results that are computed from the recording without ROS."""
     found = {topic: [] for topic in OUTPUTS}
     plan = plan_features(case.config, case.models)
     with TactileBag(case.bag) as bag:
@@ -175,7 +175,7 @@ class Player:
         )
 
     def send(self, case, take_block, has_taken, expected):
-        """Send all messages; wait until they are processed and all results have arrived."""
+        """Send all messages of the recording; wait until the nodes have published all results."""
         sent, waiting = {STRAIN: 0, EVENT: 0}, {STRAIN: 0, EVENT: 0}
         most = BLOCKS if case.config.phases == PHASES_STATED else BLOCKS_WITH_DETECTION
 

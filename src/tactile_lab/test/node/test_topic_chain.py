@@ -69,7 +69,7 @@ class Hand(Node):
     def send_force(self, stamp, value):
         message = WrenchStamped()
         message.header.stamp = stamp
-        # This sensor measures along another axis, and with other sign and unit than the finger.
+        # Axis, sign and unit of this force differ from the tension, so the node must convert it.
         message.wrench.force.x = -value / 2
         self.force.publish(message)
 

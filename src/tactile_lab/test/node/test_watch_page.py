@@ -137,7 +137,7 @@ def test_page_shows_a_trial_from_contact_to_label(rig, browser):
     assert browser.evaluate('document.querySelectorAll(".scores tr").length') == 5
     assert browser.evaluate('document.getElementById("simulated").hidden') is False
     assert 'linear_guide' in browser.evaluate('document.getElementById("devices").innerText')
-    # The trace and the phases are drawn, in their colours.
+    # The plot shows the tension and the phases, each in its colour.
     assert browser.evaluate(COLOURS) > 20
     for scheme in ('light', 'dark'):
         browser.set_scheme(scheme)
@@ -208,7 +208,7 @@ STOP_IS_SEEN = """(() => { const r = document.getElementById('stop').getBounding
 @needs_chromium
 def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
     simulated, context, watch = rig
-    browser.open(watch.address.split('#')[0])  # without the token
+    browser.open(watch.address.split('#')[0])  # without the access token
     browser.wait_for('document.querySelector(".tension")')
     assert browser.evaluate('document.getElementById("home").hidden')
     operator = OperatorNode(context)
@@ -251,7 +251,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
 @needs_chromium
 def test_page_shows_why_the_rig_is_stopped_until_reset(rig, browser):
     _, context, watch = rig
-    browser.open(watch.address.split('#')[0])  # without the token
+    browser.open(watch.address.split('#')[0])  # without the access token
     browser.wait_for('document.querySelector(".tension")')
     click(browser, 'stop')
     browser.wait_for('!document.getElementById("stopped").hidden')
@@ -320,7 +320,7 @@ class StoppableRig:
 
 
 def press(browser, element):
-    """Click at the position of an element, as a user does. An element that covers it is hit."""
+    """Click at the position of an element; an element that covers it receives the click."""
     x, y = browser.evaluate(
         f'(r => [r.left + r.width / 2, r.top + r.height / 2])'
         f'(document.getElementById("{element}").getBoundingClientRect())'
@@ -362,7 +362,7 @@ def test_stop_can_be_pressed_while_a_trial_is_being_chosen(browser):
         browser.wait_for('visualViewport.scale > 1.9')
         browser.wait_for(STOP_IS_SEEN)
         browser.call('Emulation.setPageScaleFactor', pageScaleFactor=1)
-    # The server has ended after a confirmed stop. The page shows only one of its two messages.
+    # The server has ended after a confirmed stop. Only one of two elements shows a message.
     browser.wait_for('document.body.classList.contains("off")')
     assert browser.evaluate(
         'document.getElementById("cut").hidden !== document.getElementById("outcome").hidden'

@@ -39,7 +39,8 @@ def run_trial(stamps_ns):
 
 @pytest.mark.parametrize('every', [20, 60])
 def test_late_stamps_do_not_refuse_a_trial(every):
-    late = {0: 1.6, 1: 0.7}  # sample number in a cycle: delay of its stamp in periods
+    # Delays of the stamps of the first two samples in each cycle, in sample periods.
+    late = {0: 1.6, 1: 0.7}
     stamps_ns = [
         START_NS + round((i + late.get(i % every, 0.0) * (i > 60)) * PERIOD_NS) for i in range(600)
     ]

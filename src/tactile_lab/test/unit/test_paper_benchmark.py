@@ -77,7 +77,7 @@ def test_contacts_agree_within_three_points(paper):
 
 
 def test_unscaled_rbf_svm_uses_only_the_intercept(paper):
-    """The objects differ only in the first feature, but the intercept varies much more."""
+    """Objects differ only in the slope of the fitted line, but its intercept varies much more."""
     generator = np.random.default_rng(3)
     code = np.repeat([0, 1, 2], 24)
     columns = (

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robustness benchmark, which adds faults of a sensor to simulated trials."""
+"""The benchmark of the accuracy on simulated trials if the sensor or the rig is not perfect."""
 
 from dataclasses import replace
 import importlib

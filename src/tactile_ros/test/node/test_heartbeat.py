@@ -146,7 +146,7 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
         assert node.count_publishers('/peer/heartbeat') == 2
     for each in (watch, late):
         each.close()
-        assert each.find_loss() is None  # the state before `close`
+        assert each.find_loss() is None  # after `close`, the last state is returned
 
 
 def test_two_living_peers_of_one_name_are_named_and_one_killed_is_none(node, start_peer):

@@ -52,7 +52,7 @@ def graph(context, spun, monkeypatch):
 
 def test_a_message_is_refused_or_unusable_and_only_a_fault_of_the_program_ends_the_node(graph):
     listener, _, publisher, group = graph
-    for data in (b'\x00', b'\x00\x01\x00\x00\x07'):  # no valid messages
+    for data in (b'\x00', b'\x00\x01\x00\x00\x07'):  # bytes that are not valid messages
         publisher.publish(data)
     for number in (1, -2, 3, -4, 5):
         publisher.publish(Int32(data=number))

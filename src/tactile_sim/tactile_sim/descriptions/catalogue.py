@@ -62,6 +62,7 @@ def _parse_text(text: str, name: str) -> dict[str, Any]:
 
 def parse_description(kind: type[_T], values: object, name: str) -> _T:
     """Build a description, which is an instance of the dataclass ``kind``, from plain values.
+
     Raises `DescriptionError` when a key is missing or unknown, or a value has the wrong type or is
     out of range.
     """

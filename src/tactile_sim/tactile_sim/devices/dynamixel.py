@@ -211,10 +211,10 @@ class ControlTable(dict[Register, int]):
         return bytes(table[address : address + length])
 
     def check_write(self, address: int, data: bytes) -> list[tuple[Register, int]]:
-        """Return registers and values that a write would set; raise `AccessError` if it is
-        invalid.
+        """Return the registers and values that a write instruction sets.
 
-        Consecutive registers without a gap may be written together.
+        One instruction can write several registers that follow each other without a gap. Raises
+        `AccessError` if the instruction is invalid.
         """
         values: list[tuple[Register, int]] = []
         while data or not values:

@@ -100,7 +100,7 @@ class Burst(LineFault):
 
     @property
     def due_s(self) -> float:
-        # Slightly early, because the rounded quotient in `say` can reach the next number early.
+        # A little earlier than the exact time, because the quotient in `say` may be rounded up.
         return (self._clump + 1) * self._period_s - _EARLY_S
 
     def end(self) -> bytes:

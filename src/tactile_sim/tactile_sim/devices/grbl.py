@@ -252,7 +252,7 @@ class GrblDevice:
         self.settings = make_settings(guide)
         self._travel_mm = guide.travel_m * 1e3
         self._planner = Planner(guide.power_up_m * 1e3)
-        self._zero_mm = guide.power_up_m * 1e3  # true position for MPos 0
+        self._zero_mm = guide.power_up_m * 1e3  # true position of the carriage at MPos 0
         self._now_s = 0.0
         self._output = bytearray()
         self._alarmed = bool(self.settings[HOMING])

@@ -136,8 +136,8 @@ class Scene:
     surface of the plate or object, or None if it is level. The plate or object is under the
     fingertip only while the guide is within ``half_width_m`` of ``guide_m`` [m]. If the guide is
     at ``guide_m`` and the finger has its contact bend, the tip is above the coordinate ``lead_m``
-    of the surface [m]. If ``inertia`` is True, the equations include the mass of the finger, which
-    can therefore oscillate.
+    of the surface [m]. If ``inertia`` is True, the equations include the inertia of the finger,
+    which can therefore oscillate.
     """
 
     finger: Finger

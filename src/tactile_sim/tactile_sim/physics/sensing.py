@@ -39,6 +39,7 @@ def read_tension(
     generators: Sequence[np.random.Generator],
 ) -> FloatArray:
     """Return the readings of the load cell for the force on it.
+
     The drift of each trial starts at 0. The first readings of a trial do not depend on the number
     of later readings.
 

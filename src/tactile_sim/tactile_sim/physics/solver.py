@@ -120,6 +120,7 @@ def advance_trials(
 @lru_cache
 def load_advance() -> Callable[..., None]:
     """Return the compiled function that simulates a block of `BLOCK` trials.
+
     Raises `SolverError` when numba is missing or cannot compile the solver.
     """
     # numba is imported here, because this takes 0.5 s and only simulations need it.

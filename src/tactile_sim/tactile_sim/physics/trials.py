@@ -29,7 +29,8 @@ STEPS_PER_SAMPLE = 16
 docs/benchmarks.md compares the errors of different numbers."""
 
 TRUSTED_NM = 1e-2
-"""Default of the argument ``trusted_nm`` of `advance_trials` for scenes with inertia [N m]."""
+"""Default of ``trusted_nm`` in `simulate_motion` [N m], which passes it to `advance_trials` for
+scenes with inertia."""
 
 _RESTING_STEPS_PER_SAMPLE = 2
 _SETTLING_S = 0.1  # time after a motion with small steps; the finger comes to rest in 20 ms
