@@ -30,8 +30,8 @@ _RECONNECTED, _CLOCK_STEP = int(StrainStatus.RECONNECTED), int(StrainStatus.CLOC
 """Status bits as integers, because operations on an `IntFlag` are slow."""
 
 MAX_GAPS = 10_000
-"""Largest number of gaps that are stored. If samples of a stored gap arrive late, they are counted
-as late instead of lost."""
+"""Largest number of gaps that are remembered. If the missing samples of such a gap arrive later,
+they are counted as late instead of lost."""
 
 
 class _SampleRun(NamedTuple):

@@ -81,7 +81,7 @@ def four_labels(texture_table):
 
 @pytest.fixture(scope='session')
 def early_table(four_labels):
-    """Return a table that resembles early windows of one second, for four labels."""
+    """Return a table of four labels, like one of windows of one second that end early."""
     config = FeatureConfig(texture_samples=60, early_windows=True)
     spec = spec_for('texture', config)
     noise = 0.005 * np.random.default_rng(11).normal(size=(len(four_labels), len(spec.names)))

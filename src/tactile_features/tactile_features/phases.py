@@ -283,7 +283,7 @@ class SignalPhases:
         self._config = config
         self._is_simulated = False
         self._signal = ReducedSignal(config.rate_hz)
-        self._state: Callable[[], list[TrialEvent]]  # processes the next mean
+        self._state: Callable[[], list[TrialEvent]]  # function that takes the next mean
         self.reset()
         self._is_settled = False
 

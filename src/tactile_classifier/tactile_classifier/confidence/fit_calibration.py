@@ -44,7 +44,7 @@ divided by their spread."""
 PRECISE = {'ftol': 1e-14, 'gtol': 1e-8}
 
 RANDOM = 'stratified'
-"""First word of the name of random folds over single trials."""
+"""First word of the name of a split with random folds of single trials, not of groups."""
 
 BINS = 10
 """Number of bins of the expected calibration error."""

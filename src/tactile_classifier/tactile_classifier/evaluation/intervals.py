@@ -38,8 +38,8 @@ def _to_plain(value: Any) -> Any:
 class Interval(Result):
     """A 95 % interval, or the reason why there is no interval.
 
-    If ``reason`` is not None, ``low`` and ``high`` are 0. ``method`` describes the method and the
-    independent parts.
+    If ``reason`` is not None, ``low`` and ``high`` are 0. ``method`` names the
+    statistical method and what counts as independent, such as trials or groups.
     """
 
     low: float

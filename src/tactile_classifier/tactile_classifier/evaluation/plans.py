@@ -46,7 +46,7 @@ class Attempt:
         return [self._task]
 
     def finish(self, answers: Sequence[Any]) -> Any:
-        """Return the result of the call."""
+        """Return the result of the function that this plan calls."""
         return answers[0]
 
 

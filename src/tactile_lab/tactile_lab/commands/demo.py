@@ -31,7 +31,7 @@ SESSIONS = 6
 """Number of mountings of each plate in the simulated training trials."""
 
 KINDS = tuple(product(('flexion', 'abduction'), ('texture', 'stiffness')))
-"""Contact and protocol of the live trials, in this order."""
+"""Contact and protocol of each live trial, in the order in which the trials run."""
 
 STIFFNESS_FEATURES = 'stiffness_relaxation'
 """Feature set of the stiffness trials. The paper's set is more sensitive to a new mounting."""

@@ -230,7 +230,7 @@ class Operator:
     def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
         """Wait until the object of the trial is under the finger.
 
-        ``turns_finger`` is True if the finger must be turned for the other contact.
+        ``turns_finger`` is True if the finger must be turned from flexion to abduction or back.
         """
 
     def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
