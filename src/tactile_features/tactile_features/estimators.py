@@ -235,7 +235,7 @@ class StiffnessRelaxation(FeatureTransformer):
 
 
 class GlideWaveform(FeatureTransformer):
-    """The tension of windows of a glide [N], averaged to at most 600 equal parts.
+    """The tension in windows of a glide [N], as the means of at most 600 equal parts.
 
     For classifiers of the shape, such as `tactile_classifier.RandomConvolutionClassifier`.
 
@@ -249,7 +249,7 @@ class GlideWaveform(FeatureTransformer):
 
 
 class HoldWaveform(FeatureTransformer):
-    """The tension of windows of a hold [N], averaged to at most 100 equal parts.
+    """The tension in windows of a hold [N], as the means of at most 100 equal parts.
 
     Parameters
     ----------

@@ -57,18 +57,20 @@ class Interval(Result):
 def accuracy_interval(
     parts: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
 ) -> Interval:
-    """Compute the interval of a mean accuracy from the accuracies of trials, cells or groups [1].
+    """Compute the interval of a mean accuracy from the accuracies of its parts [1].
+
+    A part is a trial, a cell (the trials of one condition) or a held-out group.
 
     This is the modified Wilson interval of Dean and Pagano (2015) for clustered samples: the score
     interval of Wilson, with two changes. The number of trials is replaced by the effective number
-    that follows from the spread between the parts. The quantile is that of Student's t; if all
-    parts have equal weights, it has one degree of freedom less than there are parts. The interval
-    accounts for the choice of the tested parts, but not for the variation of the training: see
+    of trials, which follows from the spread between the accuracies of the parts. The quantile is
+    one of Student's t; if all parts have equal weights, it has one degree of freedom less than
+    there are parts. The interval accounts for the choice of the tested parts, but not for the variation of the training: see
     `tactile_classifier.coverage`.
 
     If all parts are completely correct, or all are completely wrong, the exact binomial interval
-    over the parts is used. Each group then counts as one trial, so the interval is valid even if
-    all trials of a group always have equal results. If all parts have the same accuracy between 0
+    over the parts is used. Each part then counts as one trial, so the interval is valid even if
+    all trials of a part always have equal results. If all parts have the same accuracy between 0
     and 1, there is no interval.
 
     ``parts_are`` is the name of the parts, such as ``trials`` or ``groups``. If the mean is over

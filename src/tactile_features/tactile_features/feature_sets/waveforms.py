@@ -29,7 +29,7 @@ HOLD_PARTS = 100
 
 
 class GlideWaveform(FeatureSet):
-    """The samples of a glide over a fixed time, averaged to at most 600 equal parts."""
+    """The tension of a glide over a fixed time, as the means of at most 600 equal parts."""
 
     name = 'glide_waveform'
     version = 1
@@ -70,7 +70,7 @@ class SpatialWaveform(TextureSpatial):
 
 
 class HoldWaveform(FeatureSet):
-    """The tension of a hold over a fixed time, averaged to at most 100 equal parts."""
+    """The tension of a hold over a fixed time, as the means of at most 100 equal parts."""
 
     name = 'hold_waveform'
     version = 1

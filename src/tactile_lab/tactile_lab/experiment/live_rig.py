@@ -236,7 +236,8 @@ class LiveRig:
     def read_setup(self) -> dict[str, str]:
         """Return the set-up: parameters of the nodes, and identification of the devices.
 
-        The identification is model and firmware, or the serial number, if a device provides it.
+        A device is identified by its model and firmware, or by its serial number, as far as it
+        provides them.
         """
         devices = self.observer.wait_for_devices(DEVICES)
         found: dict[str, str] = {}

@@ -188,7 +188,9 @@ def _state_loss(data: bytes, lost_before: int) -> bytes:
 
 
 def paper_plans(trials: int, sessions: int, seed: int) -> Sequence[SimulationPlan]:
-    """Return plans for the four sets of trials in the paper: each protocol with each contact.
+    """Return plans for the four sets of trials in the paper.
+
+    These are texture and stiffness, each in flexion and abduction.
 
     ``trials`` is the number of trials on each plate or object in each session.
     """

@@ -122,7 +122,7 @@ def test_stop_fails_if_a_known_driver_has_ended(context, buttons, monkeypatch):
         wait_for_stops(buttons, '/linear_guide/stop')
     with pytest.raises(TactileError, match='not confirmed by linear_guide; bring'):
         asyncio.run(buttons.stop())
-    # A second page lists the service in the ROS graph only because the first page has a client.
+    # The client of the first page keeps the service in the ROS graph, so a second page lists it.
     late = WatchNode(WatchState(), context)
     with NodeGroup([late], context):
         wait_until(late.stop_clients)
