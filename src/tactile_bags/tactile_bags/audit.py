@@ -222,7 +222,10 @@ class _HostClock:
         self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)
 
     def take(self, run: _SampleRun) -> _SampleRun:
-        """Convert the stamps of the next run to stream time."""
+        """Return the next run of samples with its stamps converted to the time of the stream.
+
+        A step of the host's clock does not change the time of the stream.
+        """
         last = self._last
         step_ns = 0
         if last is None or not _is_late(run, last):

@@ -212,7 +212,7 @@ class Tendon(RuleBasedStateMachine):
 
     @contextmanager
     def blocking(self, pull=None):
-        """Context for a blocking call of the client, which itself polls the servo."""
+        """Context manager for a blocking call of the client. The call itself polls the servo."""
         self.pull, self.is_busy = pull, True
         self.speed_m_s = self.config.homing_speed_m_s
         try:

@@ -204,7 +204,7 @@ class BagRecorderNode(PollingNode):
                 self._record(arrival)
 
     def _in_order(self, arrival: _Arrival) -> _Arrival:
-        """Return the arrival with a time that is not earlier than the last time on its topic.
+        """Return the arrival; if its time is before the last time on its topic, use the last time.
 
         The middleware delivers the messages of a topic in the order in which they were sent, but
         their arrival times may be in another order, for example if a message was sent again.

@@ -65,8 +65,8 @@ def accuracy_interval(
     interval of Wilson, with two changes. The number of trials is replaced by the effective number
     of trials, which follows from the spread between the accuracies of the parts. The quantile is
     one of Student's t; if all parts have equal weights, it has one degree of freedom less than
-    there are parts. The interval accounts for the choice of the tested parts, but not for the variation of the training: see
-    `tactile_classifier.coverage`.
+    there are parts. The interval accounts for the choice of the tested parts, but not for the
+    variation of the training: see `tactile_classifier.coverage`.
 
     If all parts are completely correct, or all are completely wrong, the exact binomial interval
     over the parts is used. Each part then counts as one trial, so the interval is valid even if

@@ -117,7 +117,7 @@ FEWEST_SAMPLES = 16
 """Smallest number of samples for a spectrum or a fitted line."""
 
 HIGHEST_HZ = 60.0
-"""Highest displayed frequency of the spectrum [Hz], if the sample rate is high."""
+"""Highest displayed frequency of the spectrum [Hz], or half the sample rate if this is lower."""
 
 MOST_POINTS = round(SHOWN_S * 1e9 / BUCKET_NS) * 3
 MOST_SAMPLES = 32_768

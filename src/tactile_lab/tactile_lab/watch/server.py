@@ -287,7 +287,7 @@ class _Page:
         self.socket = web.WebSocketResponse(
             heartbeat=5.0, max_msg_size=LONGEST_COMMAND, compress=False, protocols=(PROTOCOL,)
         )
-        self.needs_all = True  # True if it has no data yet, or has missed a frame
+        self.needs_all = True  # True if this client has no data yet, or has missed a frame
         self.sending: asyncio.Task[Any] | None = None
 
     @property
