@@ -69,7 +69,7 @@ def find_publisher_problem(
     if not publishers:
         return (
             f'{topic} has no publisher; start its publisher, or set "topic" to a topic from '
-            '"ros2 topic list -t"'
+            '"ros2 topic list -t" or "tactile devices --topics"'
         )
     fitting = [publisher for publisher in publishers if publisher.type_name == type_name]
     if not fitting and choose_type(publishers):
