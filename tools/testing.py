@@ -8,11 +8,13 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
 import re
 import subprocess
+import threading
 import time
 import xml.etree.ElementTree as ElementTree
 
@@ -157,16 +159,23 @@ def run_all(
     waiting = [folder for folder in folders if folder.name not in COMPUTING]
     cores = os.cpu_count() or 1
     low = ['nice', '-n', '10'] if waiting else []
+    is_interrupted = threading.Event()
 
     def run_beside() -> tuple[list[Outcome], Tested | None]:
         rules = check_rules(workspace, low) if with_rules else []
+        if is_interrupted.is_set():
+            return rules, None
         # The output is printed at the end, so that it is not mixed with other output.
         tested = run_pytest(workspace, 'computing', computing, cores, expression, low)
         return rules, tested
 
     with ThreadPoolExecutor(1) as pool:
         beside = pool.submit(run_beside)
-        first = run_pytest(workspace, 'others', waiting, workers, expression)
+        try:
+            first = run_pytest(workspace, 'others', waiting, workers, expression)
+        except BaseException:  # Ctrl-C also ends the static checks, but not what follows them
+            is_interrupted.set()
+            raise
         rules, second = beside.result()
     tested = [each for each in (first, second) if each]
     if second and low:
@@ -221,7 +230,7 @@ def order_files(folders: list[Path], results: Path) -> list[Path]:
     processes would still be busy.
     """
     seconds: Counter[str] = Counter()
-    if results.exists():
+    with suppress(FileNotFoundError, ElementTree.ParseError):  # no last run, or it was killed
         for case in ElementTree.parse(results).iter('testcase'):
             # ``classname`` is the name of the module, and then the class if there is one.
             module = re.match(r'.*?\.test_\w+', case.get('classname') or '')

@@ -18,7 +18,7 @@ REST_REPORT_S = 0.2
 REST_CYCLE_S = 0.05
 """Period [s] at which a driver at rest publishes its heartbeat and evaluates the sensor's samples.
 The lease of a heartbeat is 0.15 s, so a heartbeat at rest can be 0.1 s late before the lease ends.
-In motion, the period of heartbeats is 0.04 s."""
+In motion, the period of heartbeats is 0.03 to 0.04 s."""
 
 REST_AFTER_S = 1.0
 """Time [s] after the end of a motion during which a device is still polled at the full rate."""
@@ -246,7 +246,7 @@ class TendonActuatorConfig(_MotionConfig):
     poll_rate_hz: float = parameter(
         60.0,
         'rate of state reads and joint states during motion and while the tendon is taut. At rest '
-        'with a slack tendon there are 25 reads per second (or four per watchdog_s, if that is '
+        'with a slack tendon there are 20 reads per second (or four per watchdog_s, if that is '
         'more) and five joint states per second',
         unit='Hz',
         range=(5.0, 200.0),

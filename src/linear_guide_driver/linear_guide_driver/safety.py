@@ -161,7 +161,7 @@ class Order(Enum):
 
 
 class Zero(Enum):
-    """Whether the zero of the displacement is known."""
+    """State of knowledge of the zero of the displacement."""
 
     KNOWN = 'homed, or taken where the sensor read a slack tendon'
     UNCONFIRMED = 'taken where the tendon came to rest; the sensor has not confirmed it'

@@ -267,7 +267,10 @@ class TendonActuatorNode(MotionNode):
                 was_slack=self._slack_report.slack is Slack.SLACK,
                 has_sensor=not self.config.unguarded,
             )
-        last, is_at_rest = self._slack_report, report.slack is Slack.SLACK and client.is_at_rest
+        # The samples of a tendon at rest are sent later, which a short timeout does not allow.
+        is_patient = self.config.unguarded or self.config.guard_timeout_s >= 3 * REST_CYCLE_S
+        is_at_rest = is_patient and report.slack is Slack.SLACK and client.is_at_rest
+        last = self._slack_report
         is_new = (*report[::2], is_at_rest) != (*last[::2], self._reported_rest)
         self._slack_report, self._reported_rest = report, is_at_rest
         if is_new or now_s >= self._slack_due_s:

@@ -97,6 +97,8 @@ class TrialSet:
         Open bags of this package; they can be used as `TactileBag`.
     is_changed : bool
         True if `select`, `exclude` or `relabel` returned this set.
+    has_new_signals : bool
+        True if the signals were cropped or resampled.
     """
 
     def __init__(
@@ -115,6 +117,7 @@ class TrialSet:
         self.bags = tuple(bags)
         self.is_changed = False
         self._steps: tuple[str, ...] = ()
+        self.has_new_signals = False
         self._is_even = False
         self._found = notes or ImportNotes()
         if trials is not None:
@@ -256,8 +259,12 @@ class TrialSet:
             'source': [trial.source for trial in trials],
             'why_not': [trial.why_not for trial in trials],
         }
+        # Columns of a file win over the properties that were derived from them.
         for name in dict.fromkeys(name for trial in trials for name in trial.columns):
-            found.setdefault(name, [trial.columns.get(name) for trial in trials])
+            if name not in ('trial', 'label', 'why_not'):
+                derived = found.get(name, [None] * len(trials))
+                pairs = zip(trials, derived, strict=True)
+                found[name] = [trial.columns.get(name, value) for trial, value in pairs]
         return {name: _to_column(values) for name, values in found.items()}
 
     def to_frame(self) -> Any:
@@ -464,12 +471,16 @@ class TrialSet:
                 f'the trials last {longest / rate_hz:.6g} s; {start_s:g} to {stop_s:g} s is '
                 'outside'
             )
+        begin, end = math.ceil(first), math.ceil(last)
+        if begin == end:
+            raise SourceError(
+                f'there is no sample from {start_s:g} to {stop_s:g} s at {rate_hz:g} Hz'
+            )
         bad = {
             i: f'it lasts {count / rate_hz:.6g} s; {stop_s:g} s are needed'
             for i, count in enumerate(counts)
             if count < last
         }
-        begin, end = math.ceil(first), math.ceil(last)
         kept = whole.drop(bad, skip_bad=skip_bad)
         return kept._map(lambda signal: _cut(signal, begin, end))  # noqa: SLF001 (of this class)
 
@@ -521,11 +532,13 @@ class TrialSet:
 
     def _map(self, change: Callable[[Signal], Signal], *steps: str) -> TrialSet:
         """Return a set with changed signals of the included trials."""
-        return self._change(
+        found = self._change(
             [t if t.why_not else _with_signal(t, change(t.signal)) for t in self],
             *steps,
             is_changed=False,
         )
+        found.has_new_signals = True
+        return found
 
     # -- conversions -------------------------------------------------------------------------
 
@@ -574,6 +587,8 @@ class TrialSet:
         """
         from tactile_analysis.sources.arrays import write_archive
 
+        if Path(path).suffix != '.npz':
+            raise SourceError(f'{path}: the name of an archive must end in .npz')
         named = self.even().name_trials()
         signals = [trial.signal for trial, _ in named]
         lengths = np.array([signal.values.shape[1] for signal in signals])
@@ -776,7 +791,10 @@ def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]
             raise TactileError(f'--{option}: column {name} is not boolean; write {name}=VALUE')
         chosen = column.astype(bool)
     else:
-        chosen = np.isin(column, [_value(v, column, name, option) for v in values.split(',')])
+        chosen = np.array([value is not None for value in column])
+        known = np.array(column[chosen].tolist()) if column.dtype == object else column
+        wanted = [_value(v, known, name, option) for v in values.split(',')]
+        chosen[chosen] = np.isin(known, wanted)
     if not chosen.any():
         raise TactileError(f'--{option}: no trial has {text if equals else f"{name} = True"}')
     return chosen

@@ -169,8 +169,8 @@ LEASE_S = 0.15
 this duration or a longer one."""
 
 BEAT_PERIOD_S = 0.03
-"""Shortest time between two heartbeats [s]. Because workers run every 17 or 20 ms, they publish
-about four heartbeats within `LEASE_S`."""
+"""Shortest time between two heartbeats [s]. In motion, workers run every 17 or 20 ms and publish
+about four heartbeats within `LEASE_S`; at rest, they run every 50 ms and publish three."""
 
 
 _watch_numbers = itertools.count(1)

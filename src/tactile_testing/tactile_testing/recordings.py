@@ -14,7 +14,7 @@ def check_source(load):
     - Loading twice gives the same trials.
     - Each trial that is not excluded has a label, and a finite signal with increasing times.
     - The signal of a trial is read only once.
-    - `to_arrays` and `to_table` contain the same trials.
+    - `windows` and `to_table` contain the same trials.
     """
     with load() as recording, load() as again:
         assert recording.trials

@@ -154,7 +154,8 @@ class TendonSensorConfig:
     samples_per_block: int = parameter(
         0,
         f'samples in one message; 0: the smallest number that gives at most {MOST_BLOCKS_HZ} '
-        f'messages per second, or {REST_BLOCKS_HZ} while the tendon is slack and at rest',
+        f'messages per second; while the tendon is slack and at rest, the largest number that '
+        f'gives at least {REST_BLOCKS_HZ}',
         unit='1',
         range=(0, 1000),
     )
@@ -272,7 +273,7 @@ class TendonSensorConfig:
     @property
     def rest_block_samples(self) -> int:
         """Number of samples in one block while the tendon is at rest."""
-        return self.samples_per_block or max(1, math.ceil(self.rate_hz / REST_BLOCKS_HZ))
+        return self.samples_per_block or max(1, int(self.rate_hz // REST_BLOCKS_HZ))
 
     @property
     def tick_s(self) -> float:

@@ -50,24 +50,32 @@ class LastMessage:
     def __init__(self, node: TendonSensorNode, kind: Any, topic: str, profile: Any) -> None:
         self._message: Any = None
         self._lock = threading.Lock()  # so that no older message replaces a newer one
+        self._is_closed = False
         self._subscription = PolledSubscription(node, kind, topic, self._take, profile)
 
     def get(self) -> Any:
-        """Return the last message, or None if there is no message or no publisher any more."""
+        """Return the last message, or None if there is no message or no publisher any more.
+
+        After `close`, the result is None.
+        """
         with self._lock:
+            if self._is_closed:
+                return None
             self._subscription.poll()
             return self._message if self._subscription.get_publisher_count() else None
 
     def close(self) -> None:
         """Unsubscribe; idempotent."""
-        self._subscription.close()
+        with self._lock:
+            self._is_closed = True
+            self._subscription.close()
 
     def _take(self, message: Any, _: Any) -> None:
         self._message = message
 
 
 class TendonUse:
-    """Knows from topics whether the tendon is in use.
+    """Use of the tendon, as other nodes report it on topics.
 
     During use, the tare must not change, because this would shift the force limits.
     """
@@ -153,7 +161,8 @@ class SensorStage(Stage):
         self._tare_state = node.create_publisher(Tare, '~/tare_state', LATEST)
         self._publish_tare(self._tare.clear(self._node.now_ns()))
         self._use = TendonUse(node, config)
-        self._is_at_rest = False  # whether the blocks have the size for a tendon at rest
+        self._is_at_rest = False  # True if the blocks have the size for a tendon at rest
+        self._rest_lock = threading.Lock()  # the size is chosen on two threads
         self._services = [
             node.create_service(Trigger, name, callback)
             for name, callback in (
@@ -230,9 +239,10 @@ class SensorStage(Stage):
 
         This is called five times a second, and at rest after each block.
         """
-        client, self._is_at_rest = self._client, self._use.is_at_rest
-        if client is not None:
-            client.set_at_rest(self._is_at_rest)
+        with self._rest_lock:
+            client, self._is_at_rest = self._client, self._use.is_at_rest
+            if client is not None:
+                client.set_at_rest(self._is_at_rest)
 
     def _forget_after_restart(self) -> None:
         if self._tare.note_restart(self._node.now_ns()):

@@ -546,7 +546,7 @@ class Tendon(RuleBasedStateMachine):
 
     @property
     def is_lost(self):
-        """Whether a node or topic that a taut tendon needs is lost."""
+        """True if a node or topic that a taut tendon needs is lost."""
         is_there = self.are_peers_heard() and self.activity.is_active
         return not is_there or not (self.config.unguarded or self.is_live())
 

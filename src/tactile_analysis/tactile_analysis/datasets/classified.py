@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tactile_analysis.datasets.bag_features import event_before
 from tactile_analysis.datasets.feature_options import FeatureOptions
-from tactile_analysis.datasets.feature_tables import prepare, speeds_of
+from tactile_analysis.datasets.feature_tables import prepare, refuse_new_signals, speeds_of
 from tactile_analysis.trial_set import TrialSet
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
@@ -98,6 +98,7 @@ def classify_recording(
     options = options or FeatureOptions()
     loaded = ModelSet.load(models)
     if recording.is_own:
+        refuse_new_signals(recording)
         options.check_for_bags()
         found = tuple(_classify_bags(recording, loaded))
         return ClassifiedTrials(found, loaded.refused)

@@ -98,11 +98,12 @@ def prepare(trials: TrialSet, options: FeatureOptions, *, needs_label: bool = Tr
     if options.window_s is not None:
         trials = trials.crop(0.0, options.window_s, skip_bad=skip_bad)
     trials = trials.cut_to_shortest()
-    try:
-        table = _compute_table(trials, options, NONE)
-    except NoFeaturesError as error:
-        trials = trials.drop(error.reasons, skip_bad=skip_bad)
-        table = _compute_table(trials, options, NONE)
+    while True:  # an error need not name all trials without features
+        try:
+            table = _compute_table(trials, options, NONE)
+            break
+        except NoFeaturesError as error:
+            trials = trials.drop(error.reasons, skip_bad=skip_bad)
     if used := table.spec.describe_channel():
         trials = trials.add_step(f'channel: {used} (--channel NAME, mean or all)')
     return trials
@@ -140,6 +141,7 @@ def compute_tables(
     if trials.is_own:
         from tactile_analysis.datasets.bag_features import compute_bag_tables  # slow import
 
+        refuse_new_signals(trials)
         tables, left_out = compute_bag_tables(trials, options, fields)
     else:
         if options.task is None:
@@ -151,6 +153,19 @@ def compute_tables(
     if not wanted:
         raise TactileError(f'{trials.name} contains no {options.task} trials')
     return wanted, left_out
+
+
+def refuse_new_signals(trials: TrialSet) -> None:
+    """Raise TactileError if the signals of bags with trial events were cropped or resampled.
+
+    The live extractor cuts the windows out of the recorded samples, as the feature specification
+    states.
+    """
+    if trials.has_new_signals:
+        raise TactileError(
+            f'{trials.name} has trial events, which state the windows: compute its features '
+            'before you crop or resample it, or use TrialSet.windows'
+        )
 
 
 def read_tables(

@@ -287,6 +287,8 @@ def _take_arrays(
             notes.add(f'{path.name}: {name} used as {key}')
     x, rate = arrays.pop(named['x']), arrays.pop(named['rate_hz'])
     label = arrays.pop(named['label']) if named['label'] else None
+    if rate.size != 1 or rate.dtype.kind not in 'fiu' or not 0 < float(rate.item()) < math.inf:
+        raise SourceError(f'rate_hz in {path} must be one positive number')
     if rate_hz is not None and not (rate.size == 1 and is_same_rate(float(rate.item()), rate_hz)):
         own, stated = (
             format_rates(float(rate.item()), rate_hz) if rate.size == 1 else (rate, rate_hz)
@@ -298,8 +300,6 @@ def _take_arrays(
     if x.ndim == 2 and 'offsets' not in arrays:
         notes.add(f'{path.name}: shape {x.shape} read as trials x samples, one channel')
         x = x[:, np.newaxis, :]
-    if rate.size != 1 or rate.dtype.kind not in 'fiu' or not 0 < float(rate.item()) < math.inf:
-        raise SourceError(f'rate_hz in {path} must be one positive number')
     return x, label, float(rate.item())
 
 

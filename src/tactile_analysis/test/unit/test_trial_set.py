@@ -3,6 +3,7 @@
 
 """`TrialSet` reads recordings of all kinds: trials equal the written data, and are read once."""
 
+import dataclasses
 import json
 import os
 import re
@@ -12,7 +13,7 @@ import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
-from tactile_analysis import SourceError, SourceOptions, TrialSet
+from tactile_analysis import FeatureOptions, prepare, SourceError, SourceOptions, TrialSet
 from tactile_ros.errors import TactileError
 from tactile_testing.recordings import Archive, check_source
 
@@ -384,6 +385,7 @@ def test_columns_that_some_trials_lack_are_named_and_not_saved(tmp_path):
     assert trials.columns['speed_mm_s'].tolist() == [3, None, None, None]
     trials.save(tmp_path / 'a.npz')
     assert 'speed_mm_s' not in Archive(tmp_path / 'a.npz').columns
+    assert len(trials.select('speed_mm_s=3')) == 1
     assert 'omitted, because some trials lack it: speed_mm_s' in trials.even().notes
 
 
@@ -396,3 +398,36 @@ def test_windows_have_groups_and_the_same_samples_as_the_signals(tmp_path):
     for row, trial in zip(x, trials, strict=True):
         np.testing.assert_array_equal(row, trial.signal.values[:, 5:25])
     assert trials.windows()[2] is None
+
+
+def test_columns_of_a_file_win_over_properties_of_the_same_name(tmp_path):
+    more = {
+        'source': np.repeat(['left', 'right'], 3),
+        'contact': np.arange(6) < 2,
+        'session': np.repeat(['x', 'y'], 3),
+    }
+    trials = TrialSet.load(write_archive(tmp_path / 'a.npz', unit='N', **more))
+    assert len(trials.select('source=left')) == 3
+    assert len(trials.select('contact')) == 2
+    assert trials.windows('session')[2].tolist() == ['x'] * 3 + ['y'] * 3
+    assert trials.windows('session_id')[2].tolist() == ['a', 'b', 'c'] * 2
+
+
+def test_an_empty_crop_and_an_archive_without_its_suffix_are_refused(tmp_path):
+    trials = TrialSet.load(write_archive(tmp_path / 'a.npz', unit='N'))
+    with pytest.raises(SourceError, match='no sample from'):
+        trials.crop(0.011, 0.019)
+    with pytest.raises(SourceError, match=r'must end in \.npz'):
+        trials.save(tmp_path / 'trials')
+
+
+def test_all_trials_without_features_are_skipped(tmp_path):
+    columns = {'speed_mm_s': np.array([20.0, 20.0, 2.0, 20.0, 2.0, 20.0])}
+    path = write_archive(tmp_path / 'a.npz', unit='N', length=np.full(6, 40), **columns)
+    options = FeatureOptions(
+        task='texture', over='2:0.5', speed_column='speed_mm_s', skip_bad=True, channel='mean'
+    )
+    trials = prepare(TrialSet.load(path), options)
+    assert [trial.name for trial in trials.included] == ['0', '1', '3', '5']
+    with pytest.raises(SourceError, match='trial 2: it has 40 samples'):
+        prepare(TrialSet.load(path), dataclasses.replace(options, skip_bad=False))

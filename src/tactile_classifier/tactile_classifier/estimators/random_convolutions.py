@@ -230,6 +230,8 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         known : ndarray of int or slice
             Indices of the trials that the convolutions are fitted to.
         """
+        if not folds:
+            return
         rows = self._divide(values)
         self._fit_convolutions(rows[known])
         used = np.unique(np.concatenate([trials for fold in folds for trials in fold]))

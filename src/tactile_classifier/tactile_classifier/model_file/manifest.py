@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import dataclasses
 import math
 from typing import Any, get_origin, get_type_hints
@@ -18,9 +18,11 @@ from tactile_classifier.types import (
     ALL_CLASSIFIERS,
     CLASSIFIER_TITLES,
     MARGIN,
+    NO_ANSWER,
     PROBABILITY,
     SCALING_TITLES,
     SCALINGS,
+    UNKNOWN,
     VOTES,
 )
 from tactile_features.feature_sets.registry import find_feature_set
@@ -175,6 +177,7 @@ class Manifest:
     def _check(self) -> None:
         if len(self.labels) < 2 or len(set(self.labels)) < len(self.labels) or '' in self.labels:
             raise ModelFileError('its labels must be two or more different names')
+        refuse_reserved(self.labels)
         for name, value, choices in (
             ('score_kind', self.score_kind, (VOTES, MARGIN, PROBABILITY)),
             ('classifier', self.classifier, ALL_CLASSIFIERS),
@@ -184,6 +187,14 @@ class Manifest:
                 raise ModelFileError(
                     f'its {name} is "{value}"; it must be one of {", ".join(choices)}'
                 )
+
+
+def refuse_reserved(labels: Iterable[str]) -> None:
+    """Raise ModelFileError if a label is the name of a result without a label."""
+    if taken := sorted({UNKNOWN, NO_ANSWER}.intersection(labels)):
+        raise ModelFileError(
+            f'the label "{taken[0]}" is reserved for windows without a label: rename it'
+        )
 
 
 _IN_JSON = {tuple: list, Mapping: dict, FeatureSpec: dict, TrainingTrials: dict, Confidence: dict}

@@ -370,7 +370,7 @@ class Convolutions:
         _require(channels * samples == features, 'samples')
         _require(bool(((self.dilations > 0) & (reach < samples)).all()), 'dilations')
         _require(bool((self.counts > 0).all()), 'counts')
-        shares = len(KERNELS) * int(self.counts.sum())
+        shares = len(KERNELS) * sum(self.counts.tolist())  # integers of any size
         _require(self.biases.shape[1] == shares, 'biases')
         _require(self.coefficients.shape[1] == 2 * shares, 'coefficients')
         _require(len(self.intercept) == (1 if labels == 2 else labels), 'intercept')

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators.classifiers import on_one_thread, RANDOM_STATE
 from tactile_classifier.estimators.random_convolutions import RandomConvolutionClassifier
+from tactile_classifier.model_file.manifest import refuse_reserved
 from tactile_classifier.model_file.model import TactileModel
 from tactile_classifier.model_file.prediction import (
     Classifier,
@@ -29,7 +30,6 @@ from tactile_classifier.model_file.prediction import (
 )
 from tactile_classifier.model_file.storage import pack_model
 from tactile_classifier.training.trainer import Trained
-from tactile_classifier.types import NO_ANSWER, UNKNOWN
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -87,11 +87,7 @@ def _check_names(trained: Trained) -> None:
     labels = trained.manifest.labels
     if list(trained.estimator.classes_) != list(labels):
         raise ModelFileError('the labels of manifest and estimator differ')
-    taken = sorted({UNKNOWN, NO_ANSWER} & set(labels))
-    if taken:
-        raise ModelFileError(
-            f'the label "{taken[0]}" is reserved for windows without a label: rename it'
-        )
+    refuse_reserved(labels)
 
 
 @on_one_thread
@@ -192,7 +188,7 @@ def _take_convolutions(estimator: RandomConvolutionClassifier) -> Convolutions:
 
 def replace_file(path: Path, data: bytes) -> None:
     """Write a file atomically."""
-    temporary = path.with_name(f'.{path.name}.new')
+    temporary = path.with_name(f'.{path.name}.{os.getpid()}.new')
     try:
         with temporary.open('wb') as file:
             file.write(data)

@@ -92,6 +92,8 @@ def changed(**changes):
         ({'labels': ['pla', 3]}, '"labels"'),
         ({'labels': ['pla']}, 'names'),
         ({'labels': ['pla', 'pla']}, 'names'),
+        ({'labels': ['pla', 'unknown']}, 'reserved'),
+        ({'labels': ['no answer', 'pla']}, 'reserved'),
         ({'simulated': 1}, '"simulated"'),
         ({'trials': None}, '"trials"'),
         ({'task': 'texture'}, '"texture"'),

@@ -339,6 +339,16 @@ def test_convolutions_that_do_not_fit_are_refused(rocket_path, name, edit):
         TactileModel(change(rocket_path, {f'classifier.{name}': edit(old)}))
 
 
+def test_counts_of_convolutions_are_added_without_overflow(rocket_path):
+    classifier = load_model(rocket_path).predictor.classifier
+    features = classifier.references.shape[1] * int(classifier.samples)
+    classifier.check(features, len(classifier.intercept))
+    # These counts have the same sum as the right ones modulo 2**64.
+    counts = np.array([2**63 - 1, 2**63 - 1, classifier.counts.sum() + 2])
+    with pytest.raises(ModelFileError, match='biases'):
+        dataclasses.replace(classifier, counts=counts).check(features, len(classifier.intercept))
+
+
 def test_convolutions_that_take_too_long_are_refused(rocket_path):
     arrays = open_container(rocket_path.read_bytes()).arrays
     counts = arrays['classifier.counts'] + 2**26 // 2 // 180 // 84

@@ -294,14 +294,14 @@ def read_request(document: Any) -> FaultRequest:
         if name not in options:
             known = ', '.join(options) or 'none'
             raise RigError(f'the fault {kind} has no option {name!r}; its options are: {known}')
-        _check_number(name, value)
+        _check_number(name, value, 1.0 if name == 'share' else MOST)
     return FaultRequest(device, kind, lasting_s, {**options, **given})
 
 
-def _check_number(name: str, value: Any) -> None:
+def _check_number(name: str, value: Any, most: float = MOST) -> None:
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not (is_number and 0 < value <= MOST):
-        raise RigError(f'{name} is {value!r}; it must be a number above 0 and at most {MOST:g}')
+    if not (is_number and 0 < value <= most):
+        raise RigError(f'{name} is {value!r}; it must be a number above 0 and at most {most:g}')
 
 
 class Device(Protocol):

@@ -141,7 +141,8 @@ def test_blocks_are_larger_only_while_the_tendon_is_reported_at_rest(graph, sens
     graph.spin_until(lambda: stage._is_at_rest)
     graph.listener.destroy_publisher(slack)  # as if the tendon actuator had ended
     graph.spin_until(lambda: not stage._is_at_rest)
-    write(1)
+    write(2)
+    assert [len(each.tension_n) for each in graph.strain[7:]] == [1, 1]
 
 
 def test_the_serial_number_is_the_hardware_id(graph, monkeypatch):

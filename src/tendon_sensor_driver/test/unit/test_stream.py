@@ -244,6 +244,8 @@ def test_blocks_are_larger_while_the_tendon_is_at_rest_unless_their_size_is_stat
     assert add(stream, at(300), 0.0) == add(stream, at(316), 1.0) == []
     stream.set_at_rest(False)  # the next sample ends the larger block
     assert [b.tension_n.tolist() for b in add(stream, at(333), 2.0)] == [[0, 1], [2]]
+    for rate_hz, samples in ((25.0, 1), (59.0, 2), (60.0, 3), (100.0, 5)):
+        assert TendonSensorConfig(rate_hz=rate_hz).rest_block_samples == samples
     stated = make(2)
     stated.set_at_rest(True)
     assert [len(b.tension_n) for b in run(stated, [at(16 * n) for n in range(4)])] == [2, 2]
