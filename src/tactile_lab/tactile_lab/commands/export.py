@@ -62,8 +62,12 @@ def export(
     refuse_to_replace([file, card], force=force)
     with TrialSet.load(recordings, statements) as recording:
         table = recording.to_table()
-        counting = [trial for trial in recording.trials if not trial.why_not]
-        left_out = [f'{t.name}: {t.why_not}' for t in recording.trials if t.why_not]
+        counting = recording.included
+        left_out = [  # the reason of a faulty trial begins with its name
+            str(t.why_not) if t.is_faulty else f'{t.name}: {t.why_not}'
+            for t in recording.trials
+            if t.why_not
+        ]
         text = format_card(file, recording, counting, table)
         notes = [*recording.notes, *(f'excluded: {sentence}' for sentence in left_out)]
     write_table(table, file)
