@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+import threading
 import time
 from typing import Any
 
-from rclpy.action import ActionClient
+import rclpy.action
 from rclpy.action.client import ClientGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import InvalidHandle
@@ -79,7 +80,19 @@ class SubscriptionStatus:
         self._event.destroy_when_not_in_use()
 
 
-class GoalIdClient(ActionClient):  # type: ignore[misc]
+class ActionClient(rclpy.action.ActionClient):  # type: ignore[misc]
+    """An action client that can be created while an executor on another thread spins the node.
+
+    In Kilted, rclpy adds the client to the node before it creates the client's lock. An executor
+    that uses the client between these two steps ends with an exception.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self._lock = threading.Lock()
+        super().__init__(*arguments, **options)
+
+
+class GoalIdClient(ActionClient):
     """An action client that identifies goals by their id, even if their acceptance was lost.
 
     rclpy stores the status of a goal only after the client has received its acceptance.

@@ -12,14 +12,13 @@ from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamixel_sdk import port_handler
 import pytest
-from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 from topic_peers import Peers
 
-from tactile_ros.rclpy_internals import Executor
+from tactile_ros.rclpy_internals import ActionClient, Executor
 from tactile_testing.requests import send
 from tactile_testing.waiting import wait_until
 

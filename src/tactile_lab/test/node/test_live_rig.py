@@ -10,7 +10,7 @@ import time
 
 from domain_coordinator import domain_id
 import pytest
-from rclpy.action import ActionClient, GoalResponse
+from rclpy.action import GoalResponse
 from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.time import Time
@@ -24,6 +24,7 @@ from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS
+from tactile_ros.rclpy_internals import ActionClient
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.requests import send
 from tactile_testing.simulated_rigs import (

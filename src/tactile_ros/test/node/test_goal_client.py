@@ -17,7 +17,7 @@ from tactile_ros import goal_client
 from tactile_ros.goal_client import call_until_answered, GoalClient, GoalLostError
 from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.rclpy_internals import GoalIdClient
+from tactile_ros.rclpy_internals import ActionClient, GoalIdClient
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 20.0
@@ -229,3 +229,18 @@ def test_a_call_without_answer_ends(stop):
     _, call = stop
     with pytest.raises(TimeoutError, match='server/stop'):
         call(1000, 0.5)
+
+
+def test_an_executor_can_use_an_action_client_as_soon_as_it_is_added_to_the_node(context):
+    """An executor on another thread can do this before the constructor returns."""
+
+    class SpunNode(Node):
+        def add_waitable(self, waitable):
+            super().add_waitable(waitable)
+            entities.append(waitable.get_num_entities())
+
+    entities = []
+    node = SpunNode('spun', context=context)
+    ActionClient(node, MoveGuide, 'server/move')
+    assert entities[-1].num_clients == 3
+    node.destroy_node()

@@ -7,7 +7,6 @@ import threading
 
 from action_msgs.msg import GoalStatus
 import pytest
-from rclpy.action import ActionClient
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 
@@ -16,6 +15,7 @@ from tactile_ros.clock_watch import boot_time_s, ClockWatch
 from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
+from tactile_ros.rclpy_internals import ActionClient
 from tactile_ros.refusal import Refusal
 from tactile_testing.requests import send
 from tactile_testing.waiting import wait_until
