@@ -218,6 +218,25 @@ class Workspace:
                 temporary.write_text(new)
                 temporary.replace(path)
 
+    def compile_simulator(self) -> subprocess.Popen[bytes]:
+        """Start to compile the solver of the simulator, which numba keeps in a cache.
+
+        Otherwise, the first simulation would begin some 7 s later. If this fails, the first
+        simulation compiles the solver, or states why it cannot.
+        """
+        code = (
+            'from tactile_sim import simulate_trials, Timeline; '
+            'simulate_trials("stiffness", "none", "flexion", Timeline([], [], 0.1), 1, 0)'
+        )
+        path = os.pathsep.join(str(ROOT / 'src' / name) for name in ('tactile_sim', 'tactile_ros'))
+        return subprocess.Popen(
+            [str(self.python), '-c', code],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**self.environment(), 'PYTHONPATH': path},
+        )
+
     def build(self) -> None:
         key = self.build_key()  # computed first, in case a file is edited during the build
         recipe = hashlib.sha256(PYTHON_MESSAGES.read_bytes()).hexdigest()
@@ -225,6 +244,7 @@ class Workspace:
             # A new build would keep libraries that the changed CMake code no longer builds.
             for old in (self.install, self.build_base):
                 shutil.rmtree(old, ignore_errors=True)
+        compiling = self.compile_simulator()
         self.step(
             'building the packages (colcon)',
             [
@@ -238,6 +258,7 @@ class Workspace:
             ],
             'the build failed; the end of its output is above',
         )
+        compiling.wait()
         # colcon does not remove links to files that have been deleted.
         for path in self.install.rglob('*'):
             if path.is_symlink() and not path.exists():

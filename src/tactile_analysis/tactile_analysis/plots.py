@@ -245,7 +245,12 @@ def plot_spectra(
     have shape (k,).
     """
     rows = (len(spectra) + 1) // 2
-    figure = Figure(figsize=(9, 1.5 * rows + 0.8), layout='constrained')
+    height = 1.5 * rows + 0.8
+    figure = Figure(figsize=(9, height))
+    # A constrained layout would draw all axes twice, which takes 0.7 s for eight spectra.
+    figure.subplots_adjust(
+        left=0.09, right=0.99, bottom=0.55 / height, top=1 - 0.35 / height, wspace=0.04, hspace=0.1
+    )
     grid = np.ravel(figure.subplots(rows, 2, sharex=True, sharey=True))
     for axes, (label, amplitude_n) in zip(grid, spectra, strict=False):
         draw_spectrum(axes, frequency_hz, 1e3 * amplitude_n)
