@@ -47,7 +47,6 @@ class Library:
 
 LIBRARIES = {
     'aiohttp': Library('python3-aiohttp', 'aiohttp'),
-    'distributed': Library('', 'dask[distributed]'),
     'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
     'jinja2': Library('python3-jinja2', 'Jinja2'),
@@ -86,9 +85,8 @@ ROBOT = (
 OPTIONAL = {
     'tactile_bringup': {'tactile_bags', 'tactile_sim'},
     'tactile_classifier': {'vision_msgs'},
-    'tactile_lab': {'distributed'},
 }
-"""Optional dependencies of each package, which are extras in ``setup.py``."""
+"""Optional dependencies of each package, which it imports only where they are used."""
 
 DEPENDENCIES = ('depend', 'build_depend', 'build_export_depend', 'exec_depend', 'test_depend')
 """Tags of the elements in ``package.xml`` that contain dependencies for rosdep."""
@@ -147,15 +145,12 @@ def keys_of(package_xml: Path, *tags: str) -> set[str]:
     return {(element.text or '').strip() for tag in tags for element in root.iter(tag)}
 
 
-def requirements_of(setup_py: Path) -> tuple[set[str], set[str]]:
-    """Return ``install_requires``, and all ``extras_require`` apart from the extra ``test``."""
+def requirements_of(setup_py: Path) -> set[str]:
+    """Return ``install_requires``."""
     for node in ast.walk(ast.parse(setup_py.read_text('utf-8'))):
         if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'setup':
             stated = {k.arg: k.value for k in node.keywords}
-            required = ast.literal_eval(stated['install_requires'])
-            extras = ast.literal_eval(stated['extras_require'])
-            optional = {x for name, group in extras.items() if name != 'test' for x in group}
-            return set(required), optional
+            return set(ast.literal_eval(stated['install_requires']))
     raise SystemExit(f'{setup_py} calls no setup()')
 
 
@@ -184,7 +179,7 @@ def check_bounds(folders: Iterable[Path]) -> list[str]:
     for folder in folders:
         faults += [
             f'src/{folder.name}/setup.py has {line}, requirements/packages.txt {wanted[name]}'
-            for line in sorted(requirements_of(folder / 'setup.py')[0])
+            for line in sorted(requirements_of(folder / 'setup.py'))
             if (name := name_of(line)) in wanted and line != wanted[name]
         ]
         for element in ElementTree.parse(folder / 'package.xml').getroot().iter('exec_depend'):
@@ -212,7 +207,7 @@ def check_package(folder: Path) -> list[str]:
     keys = _keys(code - optional)
     stated = keys_of(folder / 'package.xml', 'depend', 'exec_depend')
     for_tests = keys_of(folder / 'package.xml', 'test_depend')
-    required, extras = (set(map(name_of, r)) for r in requirements_of(folder / 'setup.py'))
+    required = set(map(name_of, requirements_of(folder / 'setup.py')))
     lists = {
         # Each tuple contains the required, the declared, and the additionally allowed names.
         'exec_depend of package.xml': (keys, stated, NOT_IMPORTED.get(name, set())),
@@ -222,7 +217,6 @@ def check_package(folder: Path) -> list[str]:
             _keys(optional | (tests - code)),
         ),
         'install_requires of setup.py': (_pypi(code - optional), required, {'setuptools'}),
-        'extras_require of setup.py': (_pypi(code & optional), extras, set()),
     }
     faults = []
     for place, (needed, found, allowed) in lists.items():
@@ -283,7 +277,7 @@ def check_robot() -> list[str]:
 def check_wheel(folders: Iterable[Path]) -> list[str]:
     """Return an error message for each contradiction between packages and files for pip."""
     listed = set(read_requirements('packages.txt'))
-    required = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
+    required = set().union(*(requirements_of(folder / 'setup.py') for folder in folders))
     needed = {name_of(line) for line in required} - {'setuptools'}
     pyproject = (ROOT / 'pyproject.toml').read_text('utf-8')
     faults = [f'requirements/packages.txt lacks {name}' for name in sorted(needed - listed)]

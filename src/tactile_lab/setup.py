@@ -29,7 +29,7 @@ setup(
         'scipy>=1.11',
         'typer>=0.9',
     ],
-    extras_require={'cluster': ['dask[distributed]'], 'test': ['pytest']},
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
     description='The tactile command: simulation, training, evaluation, reports, trials.',

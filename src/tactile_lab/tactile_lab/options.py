@@ -143,14 +143,6 @@ RepetitionsOption = Annotated[
 ]
 
 
-ClusterOption = Annotated[
-    str,
-    typer.Option(
-        metavar='ADDRESS',
-        help='Compute on the workers of this Dask scheduler, such as tcp://HOST:8786. These '
-        'packages must be installed on the workers, too. The results are the same, bit for bit.',
-    ),
-]
 SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
 SensorTopicOption = Annotated[
     str,

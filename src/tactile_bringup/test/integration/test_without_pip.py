@@ -20,7 +20,7 @@ ROBOT = (
     'tactile_bringup',
 )
 ONLY_PIP = (
-    *('dask', 'distributed', 'lz4', 'mcap', 'onnx', 'onnxruntime', 'pyarrow', 'rosbags'),
+    *('lz4', 'mcap', 'onnx', 'onnxruntime', 'pyarrow', 'rosbags'),
     *('skl2onnx', 'zstandard'),
 )
 OTHERS = ('numba', 'tactile_bags', 'tactile_lab', 'tactile_sim')

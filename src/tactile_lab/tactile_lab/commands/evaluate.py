@@ -25,7 +25,7 @@ STATED = (
 
 OF_CROSS_VALIDATION = (
     'train_where', 'test_where', 'over', 'detrend', 'folds', 'repetitions', 'features', 'report',
-    'answers', 'seed', 'cluster',
+    'answers', 'seed',
 )  # fmt: skip
 """Options that ``--model`` does not allow, because the model file determines the features and no
 model is trained."""
@@ -94,7 +94,6 @@ def evaluate(
     seed: options.SeedOption = 0,
     archives: TrialOptions = options.TRIALS,
     statements: SourceOptions = options.SOURCES,
-    cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
     """Print the accuracy of the model that *train* would write, or of model files.
@@ -131,7 +130,6 @@ def evaluate(
     from tactile_analysis.datasets.feature_tables import open_trials
     from tactile_analysis.report.analysis import analyse
     from tactile_analysis.report.recordings import make_sets
-    from tactile_lab.cluster import on_cluster
     from tactile_lab.commands.train import choose_with_progress
 
     output = Output(as_json)
@@ -152,38 +150,37 @@ def evaluate(
         from tactile_analysis.report.summary import describe_sources
 
         file = report_path(report)
-    with on_cluster(cluster):
-        with open_trials(recordings, feature_options, statements) as source:
-            chosen = choose_with_progress(
+    with open_trials(recordings, feature_options, statements) as source:
+        chosen = choose_with_progress(
+            source,
+            feature_options,
+            output,
+            folds,
+            seed,
+            columns=next(iter(hold_out), ()),
+            any_set=is_auto or not (features or over or detrend),
+            repetitions=repetitions,
+        )
+        with output.progress('reading'):
+            sets = make_sets(
                 source,
                 feature_options,
-                output,
-                folds,
-                seed,
-                columns=next(iter(hold_out), ()),
-                any_set=is_auto or not (features or over or detrend),
-                repetitions=repetitions,
+                chosen,
+                hold_out,
+                of_choice=is_auto,
+                report=file is not None,
+                unknown_objects=answers,
             )
-            with output.progress('reading'):
-                sets = make_sets(
-                    source,
-                    feature_options,
-                    chosen,
-                    hold_out,
-                    of_choice=is_auto,
-                    report=file is not None,
-                    unknown_objects=answers,
-                )
-                sources = describe_sources(recordings, source) if file else []
-        with output.progress('evaluating') as show:
-            results = analyse(
-                sets,
-                progress=show,
-                folds=folds,
-                repetitions=repetitions,
-                random_state=seed,
-                details=as_json or file is not None,  # the terminal shows no details
-            )
+            sources = describe_sources(recordings, source) if file else []
+    with output.progress('evaluating') as show:
+        results = analyse(
+            sets,
+            progress=show,
+            folds=folds,
+            repetitions=repetitions,
+            random_state=seed,
+            details=as_json or file is not None,  # the terminal shows no details
+        )
     for result in results:
         _print(result, output)
     if file is not None:

@@ -81,7 +81,6 @@ def simulate(
     seed: options.SeedOption = 1,
     description: options.DescriptionOption = None,
     jobs: options.JobsOption = -1,
-    cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
     """Make bags of **simulated** trials, without waiting in real time.
@@ -107,7 +106,6 @@ def simulate(
     sessions = sessions or (1 if is_published else SESSIONS)
     trials = trials or max(1, ALL_TRIALS // sessions)
 
-    from tactile_lab.cluster import on_cluster
     from tactile_lab.simulation.simulated_bags import count_trials
     from tactile_lab.simulation.simulated_trials import SimulationPlan
     from tactile_sim.descriptions.catalogue import Catalogue
@@ -129,8 +127,7 @@ def simulate(
         f'{", ".join(catalogue.labels(protocol))}; design {design}'
     )
     started = time.monotonic()
-    with on_cluster(cluster):
-        bags = make_bags(folder, plans, output, catalogue=catalogue, jobs=jobs)
+    bags = make_bags(folder, plans, output, catalogue=catalogue, jobs=jobs)
     elapsed_s = time.monotonic() - started
     output.say(*(f'{bag.path}: {bag.trials} simulated trials' for bag in bags))
     output.say(f'{total} trials in {elapsed_s:.1f} s: {total / elapsed_s:.0f} per second')

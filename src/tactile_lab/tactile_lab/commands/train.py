@@ -154,7 +154,6 @@ def train(
     seed: options.SeedOption = 0,
     archives: TrialOptions = options.TRIALS,
     statements: SourceOptions = options.SOURCES,
-    cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
     """Choose features and classifier by cross-validation, and write model files.
@@ -168,7 +167,6 @@ def train(
     from tactile_analysis.datasets.automatic_features import AUTO
     from tactile_analysis.datasets.feature_options import FeatureOptions
     from tactile_analysis.datasets.feature_tables import open_trials
-    from tactile_lab.cluster import on_cluster
 
     output = Output(as_json)
     if features == AUTO and classifier:
@@ -181,60 +179,59 @@ def train(
     if features and not automatic:
         _check_sets(features)
     trained: list[TrainedModel] = []
-    with on_cluster(cluster):
-        for window_s in lengths:
-            feature_options = FeatureOptions(
-                task=task,
-                over=over,
-                detrend=detrend,
-                features=None if automatic else features,
-                window_s=window_s,
-                **vars(archives),
+    for window_s in lengths:
+        feature_options = FeatureOptions(
+            task=task,
+            over=over,
+            detrend=detrend,
+            features=None if automatic else features,
+            window_s=window_s,
+            **vars(archives),
+        )
+        feature_options.choose_fields()  # refuses contradictory options before the computation
+        with open_trials(recordings, feature_options, statements) as source:
+            if not trained:
+                _refuse_existing(source, task, folder, lengths, force=force)
+            write = functools.partial(
+                train_models,
+                source,
+                feature_options,
+                folder=folder,
+                output=output,
+                false_alarm_rate=false_alarm_rate,
+                strict=strict,
+                force=force,
             )
-            feature_options.choose_fields()  # refuses contradictory options before the computation
-            with open_trials(recordings, feature_options, statements) as source:
-                if not trained:
-                    _refuse_existing(source, task, folder, lengths, force=force)
-                write = functools.partial(
-                    train_models,
-                    source,
-                    feature_options,
-                    folder=folder,
-                    output=output,
-                    false_alarm_rate=false_alarm_rate,
-                    strict=strict,
-                    force=force,
-                )
-                if classifier:
-                    tables = read_with_progress(source, feature_options, output)
-                    trained += write(
-                        tables,
-                        classifier=classifier,
-                        scaling=scaling,
-                        hold_out=options.split(group),
-                        folds=folds,
-                        repetitions=repetitions,
-                        seed=seed,
-                    )
-                    continue
-                if automatic:
-                    _say_steps(source, output)
-                else:
-                    read_with_progress(source, feature_options, output)
-                chosen = choose_with_progress(
-                    source,
-                    feature_options,
-                    output,
-                    folds,
-                    seed,
-                    columns=options.split(group),
-                    any_set=automatic,
-                    must_hold_out=bool(group),
-                    scaling=scaling or '',
+            if classifier:
+                tables = read_with_progress(source, feature_options, output)
+                trained += write(
+                    tables,
+                    classifier=classifier,
+                    scaling=scaling,
+                    hold_out=options.split(group),
+                    folds=folds,
                     repetitions=repetitions,
+                    seed=seed,
                 )
-                tables = {key: each.table for key, each in chosen.items()}
-                trained += write(tables, chosen=chosen, hold_out=options.split(group))
+                continue
+            if automatic:
+                _say_steps(source, output)
+            else:
+                read_with_progress(source, feature_options, output)
+            chosen = choose_with_progress(
+                source,
+                feature_options,
+                output,
+                folds,
+                seed,
+                columns=options.split(group),
+                any_set=automatic,
+                must_hold_out=bool(group),
+                scaling=scaling or '',
+                repetitions=repetitions,
+            )
+            tables = {key: each.table for key, each in chosen.items()}
+            trained += write(tables, chosen=chosen, hold_out=options.split(group))
     if len(lengths) > 1:
         say_lengths(trained, folder / 'accuracy_by_length.png', output)
     output.result({'models': [model.to_dict() for model in trained]})

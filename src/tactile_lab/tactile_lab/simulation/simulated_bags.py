@@ -7,14 +7,8 @@ The bags contain the same messages as a live recording: strain blocks and trial 
 messages are marked as simulated.
 
 joblib runs `simulate_chunk` in workers, which simulates some trials and converts them to bytes.
-Its arguments are small and can be pickled. This module does not select a backend of joblib, so the
-caller can do it, for example to use a cluster:
-
-    with joblib.parallel_config(backend='dask'):
-        write_simulated_bag(folder, plan, TrialConfig(), FeatureConfig(), jobs=-1)
-
-The packages of this repository must be installed on the workers. Only the calling process writes
-the bag. The bytes of a bag do not depend on the number and place of the workers.
+Its arguments are small and can be pickled. Only the calling process writes the bag. The bytes of a
+bag do not depend on the number of workers.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 
 """Simulated trials as messages: planning, simulation and conversion to bytes, in chunks.
 
-Workers run `simulate_chunk`, also in other processes or on other computers. Therefore its
-arguments and its result are small and can be pickled.
+Worker processes run `simulate_chunk`. Therefore its arguments and its result are small and can be
+pickled.
 """
 
 from __future__ import annotations
