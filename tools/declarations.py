@@ -84,7 +84,6 @@ ROBOT = (
 
 OPTIONAL = {
     'tactile_bringup': {'tactile_bags', 'tactile_sim'},
-    'tactile_classifier': {'vision_msgs'},
 }
 """Optional dependencies of each package, which it imports only where they are used."""
 

@@ -21,7 +21,3 @@ class ClassifierConfig:
         'use only models and windows of this contact; if empty, all contacts are allowed',
         choices=('', *CONTACTS),
     )
-    vision_messages: bool = parameter(
-        False,
-        'also publish vision_msgs/Classification; requires the package vision_msgs',
-    )

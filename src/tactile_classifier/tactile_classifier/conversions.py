@@ -1,14 +1,13 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion between results and ROS messages, including ``vision_msgs/Classification``."""
+"""Conversion between results and ROS messages."""
 
 from __future__ import annotations
 
 import dataclasses
 from typing import Any
 
-from tactile_classifier.errors import ClassifierError
 from tactile_classifier.types import ModelInfo, ModelInfos, PredictionOutcome, WindowPrediction
 from tactile_ros.errors import MessageError
 from tactile_ros.message_classes import (
@@ -84,31 +83,3 @@ def classification_from_msg(message: Any) -> WindowPrediction:
         frame_id=message.header.frame_id,
     )
     return result
-
-
-def vision_class() -> Any:
-    """Return the class vision_msgs/Classification; raise ClassifierError if not installed."""
-    try:
-        from vision_msgs.msg import Classification
-    except ImportError:
-        raise ClassifierError(
-            'the parameter vision_messages is set, but the package vision_msgs is not '
-            'installed: sudo apt install ros-$ROS_DISTRO-vision-msgs'
-        ) from None
-    return Classification
-
-
-def vision_from_msg(answer: Any) -> Any:
-    """Convert to vision_msgs/Classification: labels with their scores, highest score first.
-
-    If the object is unknown or the window has no features, the message has no results.
-    """
-    from vision_msgs.msg import ObjectHypothesis
-
-    message = vision_class()(header=answer.header)
-    if answer.outcome == PredictionOutcome.LABEL:
-        ranked = sorted(zip(answer.labels, answer.scores, strict=True), key=lambda pair: -pair[1])
-        message.results = [
-            ObjectHypothesis(class_id=label, score=score) for label, score in ranked
-        ]
-    return message

@@ -9,12 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tactile_classifier.config import ClassifierConfig
-from tactile_classifier.conversions import (
-    classification_to_msg,
-    model_infos_to_msg,
-    vision_class,
-    vision_from_msg,
-)
+from tactile_classifier.conversions import classification_to_msg, model_infos_to_msg
 from tactile_classifier.model_set import ModelSet
 from tactile_classifier.types import ModelInfos
 from tactile_features.conversions import (
@@ -46,24 +41,11 @@ class ClassifierStage(Stage):
 
     def __init__(self, node: TactileClassifierNode, config: ClassifierConfig) -> None:
         self._node = node
-        vision = vision_class() if config.vision_messages else None
         self.models = models = ModelSet.load(config.models, config.contact)
         self._log_models()
-        self._publishers = [
-            RecordPublisher(
-                node, Classification, '~/classification', classification_to_msg, RESULTS
-            )
-        ]
-        if vision is not None:
-            self._publishers.append(
-                RecordPublisher(
-                    node,
-                    vision,
-                    '~/vision_classification',
-                    lambda result: vision_from_msg(classification_to_msg(result)),
-                    RESULTS,
-                )
-            )
+        self._publisher = RecordPublisher(
+            node, Classification, '~/classification', classification_to_msg, RESULTS
+        )
         # A lifecycle publisher could not publish the models while the node is inactive.
         self._infos = node.create_publisher(ModelInfosMsg, '~/models', LATEST)
         now_ns = node.get_clock().now().nanoseconds
@@ -89,8 +71,7 @@ class ClassifierStage(Stage):
         self._diagnostics.close()
         self._node.destroy_subscription(self._specifications)
         del self._specifications  # break a reference cycle that keeps the models in memory
-        for publisher in self._publishers:
-            publisher.close()
+        self._publisher.close()
         self._node.destroy_publisher(self._infos)
 
     def add_window(self, window: FeatureWindow) -> None:
@@ -98,8 +79,7 @@ class ClassifierStage(Stage):
         if not self._node.is_active:
             return
         for result in self.models.classify(window):
-            for publisher in self._publishers:
-                publisher.publish(result)
+            self._publisher.publish(result)
         log = self._node.get_logger()
         if (mismatch := self.models.mismatch) is not None:
             log.warning(plain_text(mismatch), throttle_duration_sec=LOG_PERIOD_S)
@@ -143,8 +123,7 @@ class TactileClassifierNode(StageNode):
     """Publishes ``~/classification``: for each window, one result of each model that fits.
 
     A model of early windows returns its result during the phase. It has its own probabilities and
-    its own threshold for unknown objects. If the parameter ``vision_messages`` is set, results are
-    also published on ``~/vision_classification``. The models are latched on ``~/models``.
+    its own threshold for unknown objects. The models are latched on ``~/models``.
 
     Models are loaded when the node is configured. If a file cannot be used, this is reported, and
     the other models are used.

@@ -98,7 +98,7 @@ class Finger:
 
     def connect(self):
         """Wait for all subscriptions, and for the specifications of the feature node."""
-        topics = {f'/{topic}' for topic in (FEATURES, ANSWERS, f'{NAME}/vision_classification')}
+        topics = {f'/{FEATURES}', f'/{ANSWERS}'}
         publishers = [
             publisher
             for node in (*self.nodes, self.peer)

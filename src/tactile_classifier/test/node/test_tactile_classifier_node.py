@@ -3,7 +3,6 @@
 
 """Tests of the classifier node over real DDS, with and without a feature node."""
 
-import importlib.util
 import shutil
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -22,8 +21,6 @@ from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_features.types import WindowOutcome
 from tactile_msgs.msg import ModelInfos
 from tactile_ros.qos import LATEST
-
-HAS_VISION = importlib.util.find_spec('vision_msgs') is not None
 
 
 def test_windows_are_classified_over_the_wire(make_finger, model_path, make_window):
@@ -78,11 +75,6 @@ def test_only_an_active_node_answers_and_it_can_be_configured_again(make_finger,
         ({'models': ''}, 'the parameter models is empty'),
         ({'models': '/nowhere/m.npz'}, 'cannot read model /nowhere/m.npz'),
         ({'contact': 'abduction'}, 'are for flexion, but the parameter contact is abduction'),
-        pytest.param(
-            {'vision_messages': True},
-            'vision_msgs is not installed',
-            marks=pytest.mark.skipif(HAS_VISION, reason='vision_msgs is installed'),
-        ),
     ],
     ids=str,
 )
@@ -92,36 +84,9 @@ def test_what_it_cannot_do_is_said_and_it_is_not_configured(
     node = make_finger(**changes).classifier
     assert not node.bring_up()
     assert sentence in capfd.readouterr().err
-    mended = {
-        'models': str(model_path),
-        'contact': 'flexion',
-        'vision_messages': False,
-    }
+    mended = {'models': str(model_path), 'contact': 'flexion'}
     node.set_parameters([Parameter(name, value=value) for name, value in mended.items()])
     assert node.bring_up()
-
-
-@pytest.mark.skipif(not HAS_VISION, reason='vision_msgs is not installed; it is not on PyPI')
-def test_answers_are_said_in_the_standard_message_too(make_finger, make_window):
-    from vision_msgs.msg import Classification
-
-    heard = []
-    finger = make_finger(vision_messages=True)
-    finger.listen(Classification, 'tactile_classifier/vision_classification', heard)
-    finger.bring_up()
-    model = finger.models.models[0]
-    window, answer = next(  # the first window that is not unknown
-        (window, answer)
-        for window in map(make_window, range(30))
-        if (answer := model.classify_window(window)).outcome == PredictionOutcome.LABEL
-    )
-    finger.send(window, make_window(1, outcome=WindowOutcome.GAP, reason='12 are missing'))
-    finger.spin_until(lambda: len(heard) == 2)
-    scores = {result.class_id: result.score for result in heard[0].results}
-    assert heard[0].results[0].class_id == answer.label
-    assert scores == dict(zip(answer.labels, answer.scores, strict=True))
-    assert heard[0].header.frame_id == answer.frame_id
-    assert list(heard[1].results) == []
 
 
 # -- behind a feature node ----------------------------------------------------------
