@@ -9,7 +9,6 @@ from pathlib import Path
 import re
 
 _LINE = re.compile(r'^(?P<indent> *)(?P<key>\w+):\s*(?P<value>[^#]*?)\s*(#\s*(?P<source>.*))?$')
-BEGIN, END = '<!-- constants: begin -->', '<!-- constants: end -->'
 FILES = ('finger_flexion', 'finger_abduction', 'rig', 'plates', 'objects')
 
 
@@ -21,10 +20,11 @@ def build_tables(config: Path) -> str:
     return '\n'.join(_build_table(config / f'{name}.yaml') for name in FILES)
 
 
-def replace_tables(page: str, tables: str) -> str:
-    """Return the page with new tables between the lines `BEGIN` and `END`."""
-    before, rest = page.split(BEGIN)
-    return f'{before}{BEGIN}\n{tables}{END}{rest.split(END)[1]}'
+def replace_tables(page: str, name: str, tables: str) -> str:
+    """Return the page with new tables between two lines that are comments with this name."""
+    begin, end = f'<!-- {name}: begin -->', f'<!-- {name}: end -->'
+    before, rest = page.split(begin)
+    return f'{before}{begin}\n{tables}{end}{rest.split(end)[1]}'
 
 
 def _build_table(path: Path) -> str:

@@ -14,6 +14,7 @@ from interfaces import build_page
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
+from parameters import replace_all_tables
 
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.feature_sets.stiffness import compute_regression
@@ -46,10 +47,10 @@ def main() -> None:
     """Update all pictures and tables."""
     IMAGES.mkdir(exist_ok=True)
     page = IMAGES.parent / 'simulator_constants.md'
-    config = Path(tactile_sim.__file__).parent / 'config'
-    page.write_text(
-        replace_tables(page.read_text(encoding='utf-8'), build_tables(config)), 'utf-8'
-    )
+    tables = build_tables(Path(tactile_sim.__file__).parent / 'config')
+    page.write_text(replace_tables(page.read_text('utf-8'), 'constants', tables), 'utf-8')
+    page = IMAGES.parent / 'parameters.md'
+    page.write_text(replace_all_tables(page.read_text('utf-8')), 'utf-8')
     interfaces = build_page(IMAGES.parents[1] / 'src' / 'tactile_msgs')
     (IMAGES.parent / 'interfaces.md').write_text(interfaces, 'utf-8')
     draw_finger(IMAGES / 'simulated_finger.png')

@@ -20,10 +20,10 @@ from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_nod
 from tactile_bringup.launch_config.hand import find_fingers, hand_graph
 from tactile_bringup.launch_config.launching import Node, SimulatedRigProcess
 from tactile_bringup.launch_config.parameter_files import ParameterFile
-from tactile_bringup.launch_config.parameter_tables import LAUNCH_FOLDER
 from tactile_lab.commands.replay import replay_graph
 from tactile_ros.errors import TactileError
 
+LAUNCH_FOLDER = Path(__file__).resolve().parents[3] / 'tactile_bringup' / 'launch'
 PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
 
 

@@ -10,7 +10,6 @@ import re
 import pytest
 
 from tactile_bringup.launch_config.parameter_files import ParameterFile
-from tactile_bringup.launch_config.parameter_tables import renew
 import tactile_sim
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -32,14 +31,6 @@ UNITLESS = {
 }
 
 
-def test_documented_parameters_equal_the_code():
-    text = (DOCS / 'parameters.md').read_text()
-    assert renew(text) == text, (
-        'renew them: ./tactile run python -m tactile_bringup.launch_config.parameter_tables '
-        'docs/parameters.md'
-    )
-
-
 def yaml_blocks(page):
     return re.findall(r'^```yaml\n(.*?)^```', page.read_text(), re.MULTILINE | re.DOTALL)
 
@@ -57,13 +48,17 @@ def test_parameter_files_of_the_pages_can_be_copied(text, parameter_file):
     ParameterFile(parameter_file(text))
 
 
-def test_documented_constants_and_interfaces_equal_the_code(monkeypatch):
+def test_generated_tables_equal_the_code(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS))
-    constants, interfaces = map(importlib.import_module, ('constants', 'interfaces'))
+    names = ('constants', 'interfaces', 'parameters')
+    constants, interfaces, parameters = map(importlib.import_module, names)
     text = (DOCS / 'simulator_constants.md').read_text()
     config = Path(tactile_sim.__file__).parent / 'config'
     renewal = 'renew them: ./tactile run python docs/generate.py'
-    assert constants.replace_tables(text, constants.build_tables(config)) == text, renewal
+    tables = constants.build_tables(config)
+    assert constants.replace_tables(text, 'constants', tables) == text, renewal
+    text = (DOCS / 'parameters.md').read_text()
+    assert parameters.replace_all_tables(text) == text, renewal
     page = interfaces.build_page(ROOT / 'src' / 'tactile_msgs')
     assert page == (DOCS / 'interfaces.md').read_text(), renewal
 

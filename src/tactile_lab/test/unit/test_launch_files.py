@@ -7,28 +7,34 @@ The tests in ``test/launch`` run them if ``launch`` is installed.
 """
 
 import ast
+from pathlib import Path
 import re
+import shlex
 
 import pytest
 
 from tactile_bringup.launch_config.graph import player_parameters, recorder_parameters
 from tactile_bringup.launch_config.parameter_files import CONFIGS, has_parameter, ParameterFile
-from tactile_bringup.launch_config.parameter_tables import (
-    argument_tables,
-    ARGUMENTS_OF,
-    LAUNCH_FOLDER,
-    read_launch_arguments,
-)
 from tactile_lab.commands.sense import PHASES
 from tactile_ros.node_program import find_node_class
 
-WITH_NODES = tuple(ARGUMENTS_OF.values())
+ROOT = Path(__file__).resolve().parents[4]
+BRINGUP = ROOT / 'src' / 'tactile_bringup'
+LAUNCH_FOLDER = BRINGUP / 'launch'
+WITH_NODES = ('rig', 'hand', 'replay')
 INCLUDES = {'texture': 'rig', 'stiffness': 'rig', 'sense': 'hand'}
 NODES = {
     'rig': {*CONFIGS} - {'bag_player'},
     'hand': {'tendon_sensor', 'tactile_features', 'tactile_classifier', 'bag_recorder'},
     'replay': {'tactile_features', 'tactile_classifier', 'bag_recorder', 'bag_player'},
 }
+
+
+@pytest.fixture
+def tables(monkeypatch):
+    """Return the module that generates the tables of docs/parameters.md."""
+    monkeypatch.syspath_prepend(str(ROOT / 'docs'))
+    return pytest.importorskip('parameters', reason='the packages are not in their repository')
 
 
 def parse(name):
@@ -44,9 +50,10 @@ def calls(name, function):
     ]
 
 
-def test_every_launch_file_is_tested():
+def test_every_launch_file_is_tested_and_documented(tables):
     names = {path.name.removesuffix('.launch.py') for path in LAUNCH_FOLDER.glob('*.py')}
     assert names == {*WITH_NODES, *INCLUDES}
+    assert set(tables.ARGUMENTS_OF.values()) == set(WITH_NODES)
 
 
 @pytest.mark.parametrize('name', WITH_NODES)
@@ -77,16 +84,16 @@ def test_parameters_set_by_launch_helpers_exist():
 
 
 @pytest.mark.parametrize(('name', 'included'), INCLUDES.items())
-def test_short_launch_files_include_another_one(name, included):
+def test_short_launch_files_include_another_one(name, included, tables):
     text = (LAUNCH_FOLDER / f'{name}.launch.py').read_text()
     assert f"with_name('{included}.launch.py')" in text
     ((given,),) = (re.findall(r'launch_arguments=\{\'(\w+)\'', text),)
-    assert given in [argument.name for argument in read_launch_arguments(included)]
+    assert given in [argument.name for argument in tables.read_launch_arguments(included)]
 
 
 @pytest.mark.parametrize('name', WITH_NODES)
-def test_every_launch_argument_is_described_and_used(name):
-    arguments = read_launch_arguments(name)
+def test_every_launch_argument_is_described_and_used(name, tables):
+    arguments = tables.read_launch_arguments(name)
     names = [argument.name for argument in arguments]
     assert len(names) == len(set(names))
     assert {'models', 'record', 'params_file', 'namespace', 'use_sim_time', 'autostart'} <= set(
@@ -95,7 +102,7 @@ def test_every_launch_argument_is_described_and_used(name):
     for argument in arguments:
         assert len(argument.description) > 20
         assert not argument.choices or argument.default in (*argument.choices, '')
-        assert f'| `{argument.name}` |' in argument_tables()
+        assert f'| `{argument.name}` |' in tables.build_argument_tables()
     shared = {'params_file', 'use_sim_time', 'autostart', 'respawn', 'log_level'}
     text = (LAUNCH_FOLDER / f'{name}.launch.py').read_text()
     used = set(re.findall(r"arguments(?:\.\w+\(|\[)'(\w+)'", text))
@@ -103,9 +110,18 @@ def test_every_launch_argument_is_described_and_used(name):
     assert used == set(names) - shared
 
 
-def test_command_line_has_the_choices_of_the_launch_files():
-    (phases,) = (a for a in read_launch_arguments('hand') if a.name == 'phases')
+def test_command_line_has_the_choices_of_the_launch_files(tables):
+    (phases,) = (a for a in tables.read_launch_arguments('hand') if a.name == 'phases')
     assert phases.choices == ('', *PHASES)
+
+
+def test_service_uses_arguments_that_its_launch_file_has(tables):
+    service = (BRINGUP / 'systemd' / 'tactile-hand.service').read_text()
+    (start,) = re.findall(r'^ExecStart=(.*)$', service, re.MULTILINE)
+    *_, commands = shlex.split(start)
+    given = {word.partition(':=')[0] for word in commands.split() if ':=' in word}
+    assert given
+    assert given <= {argument.name for argument in tables.read_launch_arguments('hand')}
 
 
 def test_parameter_file_of_the_rig_names_existing_parameters():

@@ -1,11 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Markdown tables of node parameters and launch arguments, generated from the code.
-
-``python -m tactile_bringup.launch_config.parameter_tables FILE`` updates the tables between the
-markers in a page.
-"""
+"""Tables of docs/parameters.md: node parameters and launch arguments, generated from the code."""
 
 from __future__ import annotations
 
@@ -13,12 +9,13 @@ import ast
 from collections.abc import Iterable, Sequence
 import dataclasses
 from pathlib import Path
-import sys
 from typing import Any, NamedTuple
+
+from constants import replace_tables
 
 from tactile_bringup.launch_config.parameter_files import CONFIGS
 
-LAUNCH_FOLDER = Path(__file__).resolve().parents[2] / 'launch'
+PACKAGE = Path(__file__).resolve().parents[1] / 'src' / 'tactile_bringup'
 ARGUMENTS_OF = {
     'texture.launch.py`**, **`stiffness': 'rig',
     'hand.launch.py`**, **`sense': 'hand',
@@ -36,7 +33,7 @@ class LaunchArgument(NamedTuple):
     description: str
 
 
-def parameter_tables() -> str:
+def build_parameter_tables() -> str:
     """Return one table per node: name, default, unit, allowed values, meaning.
 
     A sentence before each table says when the node reads its parameters.
@@ -73,7 +70,7 @@ def read_launch_arguments(name: str) -> tuple[LaunchArgument, ...]:
     The file is parsed and not executed, so the arguments of each call must be literals. Shared
     arguments are read from `launching.shared_arguments`.
     """
-    tree = ast.parse((LAUNCH_FOLDER / f'{name}.launch.py').read_text())
+    tree = ast.parse((PACKAGE / 'launch' / f'{name}.launch.py').read_text())
     changed: dict[str, str] = {}
     found = []
     for call in ast.walk(tree):
@@ -93,7 +90,8 @@ def read_launch_arguments(name: str) -> tuple[LaunchArgument, ...]:
             )
         elif called == 'shared_arguments':
             changed = {key: ast.literal_eval(value) for key, value in words.items()}
-    shared = ast.parse(Path(__file__).with_name('launching.py').read_text())
+    launching = PACKAGE / 'tactile_bringup' / 'launch_config' / 'launching.py'
+    shared = ast.parse(launching.read_text())
     described, choices = (
         ast.literal_eval(node.value)
         for name in ('described', 'choices')
@@ -109,7 +107,7 @@ def read_launch_arguments(name: str) -> tuple[LaunchArgument, ...]:
     )
 
 
-def argument_tables() -> str:
+def build_argument_tables() -> str:
     """Return one table per launch file: argument, default, choices, meaning."""
     header = ('argument', 'default', 'choices', 'meaning')
     return '\n'.join(
@@ -134,19 +132,7 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return '\n'.join(lines) + '\n'
 
 
-def renew(text: str) -> str:
-    """Return ``text`` with updated tables between its markers; ValueError if they are missing."""
-    for name, tables in (
-        ('parameters', parameter_tables()),
-        ('launch arguments', argument_tables()),
-    ):
-        begin, end = f'<!-- {name}: begin -->', f'<!-- {name}: end -->'
-        head, rest = text.split(begin)
-        _, tail = rest.split(end)
-        text = f'{head}{begin}\n{tables}\n{end}{tail}'
-    return text
-
-
-if __name__ == '__main__':
-    page = Path(sys.argv[1])
-    page.write_text(renew(page.read_text()))
+def replace_all_tables(page: str) -> str:
+    """Return the page with new tables of parameters and of launch arguments."""
+    page = replace_tables(page, 'parameters', f'{build_parameter_tables()}\n')
+    return replace_tables(page, 'launch arguments', f'{build_argument_tables()}\n')
