@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 import json
-import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -128,23 +127,3 @@ def write_table(table: pyarrow.Table, path: Path) -> None:
             pyarrow.csv.write_csv(table, path)
         else:
             pyarrow.parquet.write_table(table, path, compression='zstd')
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Replace a file atomically, and return when it is on the disk."""
-    temporary = path.with_name(f'.{path.name}.new')
-    with temporary.open('w', encoding='utf-8') as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
-    sync_folder(path.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Wait until the directory entries of a folder are on the disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

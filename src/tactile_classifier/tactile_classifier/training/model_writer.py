@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -30,6 +28,7 @@ from tactile_classifier.model_file.prediction import (
 )
 from tactile_classifier.model_file.storage import pack_model
 from tactile_classifier.training.trainer import Trained
+from tactile_ros.files import replace_file
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -73,7 +72,10 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
         check_labels(model.predictor, trained.estimator, trained.values)
     except ModelFileError as error:
         raise ModelFileError(f'model {path} is not written: {error}') from error
-    replace_file(Path(path), data)
+    try:
+        replace_file(Path(path), data)
+    except OSError as error:
+        raise ModelFileError(f'cannot write model {path}: {error.strerror}') from error
     return model
 
 
@@ -184,18 +186,3 @@ def _take_convolutions(estimator: RandomConvolutionClassifier) -> Convolutions:
         intercept=estimator.intercept_,
         samples=np.array(sets[0].samples),
     )
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Write a file atomically."""
-    temporary = path.with_name(f'.{path.name}.{os.getpid()}.new')
-    try:
-        with temporary.open('wb') as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise ModelFileError(f'cannot write model {path}: {error.strerror}') from error

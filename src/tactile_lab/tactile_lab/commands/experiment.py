@@ -15,9 +15,10 @@ from typer.core import TyperGroup
 
 from tactile_lab import options
 from tactile_lab.console import Table
-from tactile_lab.output import Output, refuse_to_replace, write_atomically
+from tactile_lab.output import Output, refuse_to_replace
 from tactile_lab.usage import WholeNames
 from tactile_ros.errors import named_errors, TactileError
+from tactile_ros.files import replace_file
 
 if TYPE_CHECKING:
     from tactile_bringup.trial_protocols import TrialRequest
@@ -272,7 +273,7 @@ def new(
     refuse_to_replace([path], force=force)
     with named_errors('write', path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, format_plan(plan))
+        replace_file(path, format_plan(plan).encode())
     first = list(dict.fromkeys(t.object_label for t in list_order(plan, plan.session_ids[0])))
     counts = [
         (plan.trial_count, 'trial'),

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 import yaml
 
-from tactile_lab.output import write_atomically
 from tactile_ros.errors import named_errors, TactileError
+from tactile_ros.files import replace_file
 from tactile_ros.yaml_files import load_yaml, read_text
 
 MAX_BYTES = 2**20
@@ -34,7 +34,7 @@ def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
     with named_errors('write', path):
         try:
             text = read_text(path, MAX_BYTES) if path.exists() else ''
-            write_atomically(path, edit_parameters(text, node, values))
+            replace_file(path, edit_parameters(text, node, values).encode())
         except TactileError as error:
             raise TactileError(f'cannot set parameters in {path}: {error}') from error
 

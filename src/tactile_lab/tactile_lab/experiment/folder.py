@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 import itertools
 from pathlib import Path
+import re
 
 from tactile_bags.experiment_journal import BAGS, JOURNAL, ORDER, PLAN
 from tactile_lab.experiment.journal import (
@@ -29,11 +30,12 @@ from tactile_lab.experiment.plan import (
     PlannedTrial,
     read_plan,
 )
-from tactile_lab.output import write_atomically
 from tactile_ros.errors import named_errors, TactileError
+from tactile_ros.files import replace_file
 from tactile_ros.yaml_files import read_text
 
-_OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}
+_OWN = re.compile(rf'{BAGS}|\.?({re.escape(PLAN)}|{re.escape(ORDER)})(\.\d+\.new)?')
+"""Names of the files of an experiment before its first trial, and of unfinished files."""
 
 MAY_GROW = 'sessions'
 """The only entry of a plan that may be changed after the first trial; it may be increased."""
@@ -65,14 +67,15 @@ class ExperimentFolder:
         """
         with named_errors('make the folder', self.path):
             if not (self.path / PLAN).exists():
-                if self.path.exists() and not {each.name for each in self.path.iterdir()} <= _OWN:
+                found = self.path.iterdir() if self.path.exists() else ()
+                if not all(_OWN.fullmatch(each.name) for each in found):
                     raise ExperimentError(
                         f'{self.path} exists, but is not an experiment; name another folder'
                     )
                 self.bags.mkdir(parents=True, exist_ok=True)
-                write_atomically(self.path / ORDER, '')
+                replace_file(self.path / ORDER, b'')
                 # The plan marks the folder as an experiment, so it is written last.
-                write_atomically(self.path / PLAN, format_plan(plan))
+                replace_file(self.path / PLAN, format_plan(plan).encode())
             self._adopt(plan)
 
     def _adopt(self, plan: ExperimentPlan) -> None:
@@ -95,9 +98,9 @@ class ExperimentFolder:
         for session_id in plan.session_ids:
             if session_id not in drawn:
                 order += list_order(plan, session_id)
-        write_atomically(self.path / ORDER, format_order(order))
+        replace_file(self.path / ORDER, format_order(order).encode())
         if plan != old:
-            write_atomically(self.path / PLAN, format_plan(plan))
+            replace_file(self.path / PLAN, format_plan(plan).encode())
 
     def draw_block(self, session_id: str) -> list[PlannedTrial]:
         """Draw the order of a further block of a session; `append` adds it to the experiment.
@@ -110,7 +113,7 @@ class ExperimentFolder:
 
     def append(self, block: Sequence[PlannedTrial]) -> None:
         """Append a block from `draw_block` to the order. The journal must be locked."""
-        write_atomically(self.path / ORDER, format_order([*self.read_order(), *block]))
+        replace_file(self.path / ORDER, format_order([*self.read_order(), *block]).encode())
 
     def appended_left(self, session_id: str) -> int:
         """Return the number of remaining trials in the blocks that were appended to a session.

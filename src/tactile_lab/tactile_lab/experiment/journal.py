@@ -24,8 +24,8 @@ from typing import Any
 
 from tactile_bags.experiment_journal import parse_journal
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
-from tactile_lab.output import sync_folder
 from tactile_ros.errors import TactileError
+from tactile_ros.files import sync_folder
 
 Entry = dict[str, Any]
 
