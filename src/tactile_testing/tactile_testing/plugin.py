@@ -20,10 +20,8 @@ settings.load_profile('untimed')
 
 # If pytest runs in the background of a shell script, it ignores SIGINT, and with nohup it ignores
 # SIGHUP. The programs under test would inherit this, so the default handlers are restored.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 # pytest-xdist already runs one process per core, so joblib must not start further processes by

@@ -66,7 +66,6 @@ def check_signal(trial):
     assert samples > 0
     assert np.isfinite(signal.values).all()
     assert signal.rate_hz is None or signal.rate_hz > 0
-    if signal.time_s is not None:
-        assert signal.time_s.shape == (samples,)
-        assert signal.time_s[0] >= 0
-        assert (np.diff(signal.time_s) > 0).all()
+    assert signal.time_s.shape == (samples,)
+    assert signal.time_s[0] >= 0
+    assert (np.diff(signal.time_s) > 0).all()

@@ -77,6 +77,12 @@ def test_every_source_keeps_what_a_set_of_trials_promises(tmp_path, source):
     check_source(lambda: TrialSet.load(path))
 
 
+def test_a_set_with_an_excluded_trial_keeps_the_promises_too(tmp_path):
+    path = write_tables(tmp_path, '.csv')
+    is_first = np.arange(4) == 0
+    check_source(lambda: TrialSet.load(path).exclude(is_first, 'the object was loose'))
+
+
 def test_an_archive_is_trials_and_the_same_archive_again(tmp_path):
     path = write_archive(tmp_path / 'a.npz', unit='mN')
     recording = TrialSet.load(path)
