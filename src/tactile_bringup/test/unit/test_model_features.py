@@ -3,6 +3,8 @@
 
 """Model files determine the features: launch files only pass their path."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -24,21 +26,26 @@ SPATIAL = FeatureConfig(
 )
 
 
+@functools.cache
+def train_model(name, config):
+    """Return a model that is trained on random features."""
+    task, _, contact = name.partition('_')
+    labels = np.repeat(['a', 'b'], 24)
+    spec = spec_for(task, config)
+    values = np.random.default_rng(5).normal(size=(48, len(spec.names)))
+    values[:24] += 5.0
+    columns = {'contact': np.full(48, contact)} if contact else {}
+    return train(FeatureTable(values, labels, spec, columns), 'tree')
+
+
 @pytest.fixture
 def write(tmp_path):
-    """Return a function that writes a model file for a `FeatureConfig`, from random features."""
+    """Return a function that writes a model file for a `FeatureConfig`."""
 
     def write(name, config):
-        task, _, contact = name.partition('_')
-        labels = np.repeat(['a', 'b'], 24)
-        spec = spec_for(task, config)
-        values = np.random.default_rng(5).normal(size=(48, len(spec.names)))
-        values[:24] += 5.0
-        columns = {'contact': np.full(48, contact)} if contact else {}
-        table = FeatureTable(values, labels, spec, columns)
         path = tmp_path / 'models' / f'{name}.npz'
         path.parent.mkdir(exist_ok=True)
-        write_model(path, train(table, 'tree'))
+        write_model(path, train_model(name, config))
         return path
 
     return write

@@ -8,6 +8,7 @@ they are accurate even if the signal has an offset of 1e9 times its size.
 """
 
 import dataclasses
+import functools
 import math
 import os
 from pathlib import Path
@@ -54,15 +55,20 @@ def turn(angle):
     return np.cos(angle) + 1j * np.sin(angle)
 
 
+@functools.cache
+def components_over_time(samples, n):
+    """Return the factors of the samples in each component of the spectrum."""
+    k = np.arange(n // 2 + 1)
+    # The product of the indices is reduced modulo n, because large angles are less accurate.
+    return turn(-2 * PI * (np.outer(k, np.arange(samples)) % n).astype(wide) / n)
+
+
 def texture_spectrum(x, n, detrend='linear', window='none'):
     d = remove(x, detrend)
     w = np.sin(PI * np.arange(len(x), dtype=wide) / len(x)) ** 2
     if window == 'none':
         w = np.ones(len(x))
-    k = np.arange(n // 2 + 1)
-    # The product of the indices is reduced modulo n, because large angles are less accurate.
-    angle = 2 * PI * (np.outer(k, np.arange(len(x))) % n).astype(wide) / n
-    amplitude = 2 * np.abs(turn(-angle) @ (w * d)) / w.sum()
+    amplitude = 2 * np.abs(components_over_time(len(x), n) @ (w * d)) / w.sum()
     amplitude[0] = 0
     if n % 2 == 0:
         amplitude[-1] /= 2
@@ -83,20 +89,33 @@ def place(length_m, finest_m, step_m):
     return p, g, reach, first
 
 
-def spatial_waveform(x, length_m, finest_m, step_m):
+@functools.cache
+def smooth(length_m, finest_m, step_m):
+    """Return which samples are near each grid point, and their weights."""
     p, g, reach, first = place(length_m, finest_m, step_m)
-    assert len(x) == len(p)
     near = first[:, None] + np.arange(reach)
     apart = (p[near].astype(wide) - g[:, None]) / wide(finest_m)
-    kernel = np.exp(-apart * apart / 2)
+    return near, np.exp(-apart * apart / 2)
+
+
+@functools.cache
+def components_over_distance(length_m, finest_m, step_m):
+    """Return the weighted factors of the samples in each component, and the sum of the weights."""
+    p = place(length_m, finest_m, step_m)[0].astype(wide)
+    k = np.arange(1, math.floor(length_m / (2 * finest_m) + 1e-9) + 1)
+    h = np.where((p > 0) & (p < length_m), np.sin(PI * p / length_m) ** 2, 0)
+    return turn(2 * PI * np.outer(k, p) / length_m) * h, h.sum()
+
+
+def spatial_waveform(x, length_m, finest_m, step_m):
+    near, kernel = smooth(length_m, finest_m, step_m)
+    assert len(x) == len(place(length_m, finest_m, step_m)[0])
     return (kernel * x[near]).sum(axis=1) / kernel.sum(axis=1)
 
 
 def texture_spatial(x, length_m, finest_m, step_m):
-    p = place(length_m, finest_m, step_m)[0].astype(wide)
-    k = np.arange(1, math.floor(length_m / (2 * finest_m) + 1e-9) + 1)
-    h = np.where((p > 0) & (p < length_m), np.sin(PI * p / length_m) ** 2, 0)
-    amplitude = 2 * np.abs(turn(2 * PI * np.outer(k, p) / length_m) @ (h * (x - x.mean())))
+    components, weight = components_over_distance(length_m, finest_m, step_m)
+    amplitude = 2 * np.abs(components @ (x - x.mean()))
     y = spatial_waveform(x - x.mean(), length_m, finest_m, step_m)
     octaves = math.floor(math.log2(length_m / (4 * finest_m)) + 1e-9)
     lags = [4 * 2**octave for octave in range(octaves + 1)]
@@ -106,7 +125,7 @@ def texture_spatial(x, length_m, finest_m, step_m):
     # With alphap = betap = 1, quantile 0 is the smallest value, and quantile 1 the largest.
     levels = np.arange(13) / 12
     quantiles = [mquantiles(group.astype(float), levels, 1, 1) for group in groups]
-    return np.concatenate([amplitude / h.sum(), *quantiles])
+    return np.concatenate([amplitude / weight, *quantiles])
 
 
 def waveform(x, parts):

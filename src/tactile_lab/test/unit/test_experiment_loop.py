@@ -21,6 +21,14 @@ from tactile_ros.errors import TactileError
 PLAN = ExperimentPlan('x', 'stiffness', ('pla', 'sponge'), sessions=2, mountings=2, trials=2)
 
 
+@pytest.fixture(autouse=True, scope='module')
+def no_wait_for_the_disk():
+    """Let `os.fsync` return immediately; power cuts are only simulated."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, 'fsync', lambda handle: None)
+        yield
+
+
 class PowerCut(BaseException):
     """Simulates a power cut. Code that catches `Exception` does not catch it."""
 

@@ -4,6 +4,7 @@
 from pathlib import Path
 import shutil
 
+import numpy as np
 import pytest
 
 from tactile_bringup.launch_config.graph import (
@@ -17,7 +18,12 @@ from tactile_bringup.launch_config.graph import (
     sensor_parameters,
     SIMULATED_SATURATION_N,
 )
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, ModelFileError
+from tactile_features.spec import spec_for
 from tactile_ros.errors import TactileError
 from tactile_ros.node_program import find_node_class
 from tactile_sim.descriptions.catalogue import default_catalogue
@@ -27,6 +33,18 @@ PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
 
 def by_name(nodes):
     return {node.name: node for node in nodes}
+
+
+@pytest.fixture(scope='module')
+def trained(tmp_path_factory):
+    """Return a folder with a model of two labels."""
+    labels = np.repeat(['pla', 'sponge'], 24)
+    values = np.random.default_rng(0).normal(size=(48, 3)) + (labels == 'pla')[:, None]
+    columns = {'contact': np.full(48, 'flexion')}
+    table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
+    folder = tmp_path_factory.mktemp('models')
+    write_model(folder / 'stiffness_flexion.npz', train(table, 'tree'))
+    return folder
 
 
 @pytest.fixture

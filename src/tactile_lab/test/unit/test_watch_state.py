@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_analysis.plots import PHASE_COLOURS
 from tactile_classifier.types import ModelInfo, PredictionOutcome, WindowPrediction
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.types import FeatureWindow, TrialEvent, WindowOutcome
@@ -259,6 +258,8 @@ def test_finger_states_object_session_and_whether_there_are_models(state):
 
 
 def test_phases_have_the_colours_of_tactile_show():
+    from tactile_analysis.plots import PHASE_COLOURS  # imports matplotlib
+
     css = Path(watch.__file__).with_name('page').joinpath('page.css').read_text()
     shown = dict(re.findall(r'--(approach|contact|glide|hold|release|return): (#\w{6})2e;', css))
     grey = PHASE_COLOURS[None]
