@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of a model file that apply to every classifier."""
+"""Checks of a model file that apply to every classifier, and changes of its contents."""
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from tactile_classifier.estimators.classifiers import compute_raw_scores
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.types import NO_ANSWER, UNKNOWN
+from tactile_features.model_container import open_container, pack_container
 
 
 def check_model(trained, path, values, atol=1e-12):
@@ -42,3 +43,11 @@ def check_model(trained, path, values, atol=1e-12):
     assert again.predict_or_unknown(values).tolist() == answers.tolist()
     assert again.predict_or_unknown(values[:0]).shape == (0,)
     return model
+
+
+def change_file(path, arrays=(), **entries):
+    """Return a model file with changed arrays and entries; an array that is None is removed."""
+    manifest, old = open_container(path.read_bytes())
+    new = {**old, **dict(arrays)}
+    kept = {name: array for name, array in new.items() if array is not None}
+    return pack_container({**manifest, **entries}, kept)

@@ -4,6 +4,7 @@
 """Classification of samples: results equal those of a stream; wrong inputs are refused."""
 
 import dataclasses
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -79,11 +80,30 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.fixture(scope='module')
+def model_of(tmp_path_factory):
+    """Return a function that returns the loaded model of a case; each is trained once."""
+    folder = tmp_path_factory.mktemp('samples')
+
+    @functools.cache
+    def model_of(case):
+        task, config, classifier, samples = CASES[case]
+        path = folder / f'{case}.npz'
+        write_model(path, train(table_of_rows(task, config, samples), classifier))
+        return load_model(path)
+
+    return model_of
+
+
+@pytest.fixture
+def model(model_of):
+    return model_of('spectrum')
+
+
 @pytest.mark.parametrize('case', CASES)
-def test_the_answer_is_that_on_the_window_of_the_stream_bit_for_bit(case, tmp_path):
-    task, config, classifier, samples = CASES[case]
-    write_model(tmp_path / 'm.npz', train(table_of_rows(task, config, samples), classifier))
-    model = load_model(tmp_path / 'm.npz')
+def test_the_answer_is_that_on_the_window_of_the_stream_bit_for_bit(case, model_of):
+    task, config, _, samples = CASES[case]
+    model = model_of(case)
     phase, crop_s = ('glide', config.texture_crop_start_s)
     if task == 'stiffness':
         phase, crop_s = ('hold', config.stiffness_settle_s)
@@ -120,12 +140,6 @@ def test_an_early_window_is_answered_as_on_the_stream(tmp_path):
         early.classify(tension_n[:90], 60)
 
 
-@pytest.fixture(scope='module')
-def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp('samples') / 'm.npz'
-    return write_model(path, train(table_of_rows('texture', FeatureConfig(), 180), 'knn'))
-
-
 def test_the_remedy_for_too_many_samples_is_the_window_of_the_live_node(model):
     tension_n = make_rows(1, 91, 1, 60.0, 300)[0]
     (window,) = stream('texture', FeatureConfig(), tension_n, 'glide', 4.5)
@@ -152,14 +166,12 @@ def test_samples_that_are_no_window_are_refused_with_the_remedy(model, samples, 
         model.classify(samples, rate_hz)
 
 
-def test_a_window_without_features_gives_the_reason(model, tmp_path):
+def test_a_window_without_features_gives_the_reason(model, model_of):
     answer = model.classify(np.full(180, np.nan), 60)
     assert (answer.label, answer.reason) == (NO_ANSWER, 'not all samples are finite')
     assert (answer.scores, answer.novelty, answer.p_value) == ({}, None, None)
-    task, config, _, samples = CASES['over distance']
-    spatial = write_model(tmp_path / 'm.npz', train(table_of_rows(task, config, samples), 'tree'))
     with pytest.raises(DatasetError, match='needs a sliding speed above 0: give speed_m_s'):
-        spatial.classify(np.ones(samples), 100)
+        model_of('over distance').classify(np.ones(300), 100)
 
 
 def test_a_model_of_several_channels_takes_all_of_them(tmp_path):
@@ -202,10 +214,8 @@ def test_one_channel_of_several_is_stated_and_found_again(tmp_path):
     assert len(digests) == 1
 
 
-def test_a_hold_without_any_change_has_an_answer(tmp_path):
-    task, config, _, samples = CASES['stiffness']
-    hold = write_model(tmp_path / 'm.npz', train(table_of_rows(task, config, samples), 'knn'))
-    assert hold.classify(np.full(300, 5.0), 100).label != NO_ANSWER
+def test_a_hold_without_any_change_has_an_answer(model_of):
+    assert model_of('stiffness').classify(np.full(300, 5.0), 100).label != NO_ANSWER
 
 
 def test_a_rate_that_differs_by_less_than_a_thousandth_is_the_same(model):

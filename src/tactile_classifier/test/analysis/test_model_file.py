@@ -6,8 +6,9 @@
 import dataclasses
 import subprocess
 import sys
+import tracemalloc
 
-from model_checks import check_model
+from model_checks import change_file, check_model
 import numpy as np
 import pytest
 
@@ -15,17 +16,14 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
-    SCORE_KINDS,
 )
-from tactile_classifier.model_file import prediction
-from tactile_classifier.model_file.manifest import Confidence
 from tactile_classifier.model_file.model import load_model, TactileModel
 from tactile_classifier.training import model_writer
 from tactile_classifier.training.model_writer import check_labels, make_predictor, write_model
 from tactile_classifier.training.trainer import train, Trained
 from tactile_classifier.types import CLASSIFIERS, PredictionOutcome, UNKNOWN
 from tactile_features.config import FeatureConfig
-from tactile_features.model_container import MAX_MODEL_BYTES, open_container, pack_container
+from tactile_features.model_container import open_container
 from tactile_features.spec import spec_for
 
 
@@ -60,14 +58,18 @@ def test_features_far_from_zero_keep_double_precision(
     check_model(trained, tmp_path / 'm.npz', (values + values[::-1]) / 2, 1e-2)
 
 
-def test_many_windows_of_many_trials_fit_into_the_memory_limit(small_table, tmp_path):
+def test_the_memory_for_many_windows_of_many_trials_is_that_of_a_copy_of_the_trials():
     values = np.random.default_rng(2).normal(size=(4000, 91))
     estimator = build_estimator('knn', 'none').fit(values, np.tile(['a', 'b'], 2000))
-    trained = train(small_table.take(small_table.labels != 'plate 2'), 'knn', 'none')
-    manifest = dataclasses.replace(
-        trained.manifest, labels=('a', 'b'), confidence=Confidence(), score_kind=SCORE_KINDS['knn']
-    )
-    write_model(tmp_path / 'm.npz', Trained(estimator, values[:64], None, None, manifest))
+    predictor = make_predictor(Trained(estimator, values, None, None, None))
+    windows = values[:300] + 1e-3  # their distances from all trials would take 10 MB
+    tracemalloc.start()
+    try:
+        scores = predictor.compute_raw_scores(windows)
+        assert tracemalloc.get_traced_memory()[1] < 1.2 * values.nbytes
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_array_equal(scores.argmax(axis=1) == 0, estimator.predict(windows) == 'a')
 
 
 def test_a_model_that_changes_labels_is_not_written(small_table, tmp_path):
@@ -134,28 +136,6 @@ def test_a_label_that_rounding_decides_may_differ(classifier, labels):
         assert (part.find_margin(point) > model_writer.ROUNDING) == is_decided
 
 
-def test_equal_distances_go_to_the_earlier_trial_and_equal_votes_to_the_first_label():
-    def answer(trials, labels, row=(0.0,)):
-        names, codes = np.unique(list(labels), return_inverse=True)
-        knn = prediction.Neighbours(np.array(trials)[:, None], np.eye(len(names))[codes])
-        return names[knn.compute(np.array(row)).argmax()]
-
-    assert answer([1.0, -2.0, 3.0], 'cba') == 'a'  # if votes are equal, the first label
-    assert answer([0.1, 1.0, 1.1, 9.0], 'abba') == 'b'
-    assert answer([1.0] * 5, 'babaa') == 'b'  # the three earliest of equal trials
-    assert answer([1.0, -1.0, 1.0, -1.0], 'bbaa') == 'b'
-
-
-def test_a_pair_of_labels_with_a_value_of_zero_votes_for_the_first():
-    np.testing.assert_array_equal(prediction.count_votes(np.array([0.5])), [-0.5, 0.5])
-    votes = prediction.count_votes(np.zeros(3))
-    np.testing.assert_array_equal(votes, [2.0, 1.0, 0.0])
-    # Label 0 loses both of its pairs. Label 1 wins both of its pairs, (0, 1) and (1, 2).
-    one_sided = prediction.count_votes(np.array([-1.0, -1.0, 1e-300]))
-    assert one_sided.argmax() == 1
-    np.testing.assert_allclose(one_sided, [-2 / 9, 2 + 1 / 6, 1 + 1 / 6])
-
-
 def test_written_file_replaces_and_leaves_nothing_behind(small_table, tmp_path, monkeypatch):
     path = tmp_path / 'm.npz'
     path.write_bytes(b'old')
@@ -168,141 +148,7 @@ def test_written_file_replaces_and_leaves_nothing_behind(small_table, tmp_path, 
         write_model(tmp_path / 'no' / 'm.npz', trained)
 
 
-# -- damaged files ------------------------------------------------------------------
-
-
-def test_damaged_bytes_are_refused(model_path):
-    data = model_path.read_bytes()
-    rng = np.random.default_rng(0)
-    damaged = [data[:size] for size in (*range(40), *range(40, len(data), 9_973), len(data) - 1)]
-    for at in rng.integers(0, len(data), 100):
-        damaged.append(bytearray(data))
-        damaged[-1][at] ^= 1 << rng.integers(8)
-    whole = TactileModel(data)
-    for each in damaged:
-        try:
-            found = TactileModel(bytes(each))
-        except ModelFileError:
-            continue
-        # The damaged bit does not belong to the contents; it may be in a date, for example.
-        assert len(each) == len(data)
-        assert found.manifest == whole.manifest
-
-
-@pytest.mark.parametrize('content', [b'', b'hello, world', b'\x80\x04\x95'])
-def test_what_is_no_model_is_refused_with_its_path(tmp_path, content):
-    path = tmp_path / 'm.npz'
-    with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):
-        load_model(path)
-    path.write_bytes(content)
-    with pytest.raises(ModelFileError, match=r'm\.npz is refused: it is not an \.npz file'):
-        load_model(path)
-    with path.open('wb') as file:
-        file.truncate(MAX_MODEL_BYTES + 1)
-    with pytest.raises(ModelFileError, match='the limit is 64 MiB'):
-        load_model(path)
-
-
-# -- untrusted models with a valid digest -------------------------------------------
-
-
-def change(path, arrays=(), **entries):
-    """Return a model file with changed arrays and entries; an array that is None is removed."""
-    manifest, old = open_container(path.read_bytes())
-    new = {**old, **dict(arrays)}
-    kept = {name: array for name, array in new.items() if array is not None}
-    return pack_container({**manifest, **entries}, kept)
-
-
-LINEAR = {
-    'classifier.coefficients': np.zeros((3, 91)),
-    'classifier.intercept': np.zeros(3),
-    'novelty.scale': np.ones(36),
-}
-
-
-@pytest.mark.parametrize(
-    ('name', 'edit', 'message'),
-    [
-        ('classifier.coefficients', lambda a: None, 'has no array "classifier.coefficients"'),
-        ('novelty.within', lambda a: None, 'it has no array "novelty.within"'),
-        ('classifier.trials', lambda a: np.zeros(3), 'unexpected array "classifier.trials"'),
-        (
-            '60.classifier.intercept',
-            lambda a: np.zeros(3),
-            'unexpected array "60.classifier.intercept"',
-        ),
-        ('classifier.intercept', lambda a: a.astype(np.float32), 'has type float32, not float64'),
-        ('classifier.intercept', lambda a: np.arange(3), 'has type int64, not float64'),
-        ('classifier.coefficients', lambda a: a[:, 1:], r'shape \(3, 90\); it must be \(3, 91\)'),
-        ('classifier.coefficients', lambda a: a[0], r'has shape \(91,\); it must be'),
-        ('classifier.intercept', lambda a: a[:2], r'shape \(2,\); it must be \(3,\), that is'),
-        ('novelty.means', lambda a: a[:2], r'shape \(2, 91\); it must be \(3, 91\)'),
-        ('novelty.references', lambda a: a * np.nan, 'has values that are not finite'),
-        ('classifier.intercept', lambda a: a + np.inf, 'has values that are not finite'),
-        ('novelty.scales', lambda a: a * 0.0, r'"scales" are not positive \(novelty\)'),
-    ],
-)
-def test_an_array_that_does_not_fit_is_named(model_path, name, edit, message):
-    old = open_container(model_path.read_bytes()).arrays.get(name)
-    with pytest.raises(ModelFileError, match=message):
-        TactileModel(change(model_path, {name: edit(old)}))
-
-
-def test_arrays_under_the_manifest_of_another_model_are_refused(model_path):
-    manifest = load_model(model_path).manifest
-    half = spec_for('texture', FeatureConfig(texture_samples=90))
-
-    def load(**changes):
-        entries = dataclasses.replace(manifest, **changes).to_dict()
-        TactileModel(change(model_path, **entries))
-
-    load()
-    for changes, message in (
-        ({'labels': ('a', 'b', 'c', 'd')}, 'values of its array "intercept" are inconsistent'),
-        ({'spec': half}, r'it must be \(3, 46\)'),
-        ({'confidence': Confidence()}, 'its calibration and its kind of scores are inconsistent'),
-        ({'scaling': 'standard'}, 'has no array "scaling.mean"'),
-        ({'classifier': 'tree'}, 'has no array "classifier.feature"'),
-        (
-            {'confidence': dataclasses.replace(manifest.confidence, novelty_threshold=-1.0)},
-            'unexpected array "novelty.centre"',
-        ),
-    ):
-        with pytest.raises(ModelFileError, match=message):
-            load(**changes)
-
-
-def test_a_card_that_a_terminal_would_obey_is_refused(model_path):
-    for card, message in (
-        ('\x1b[2J', 'not plain text'),
-        (3, 'not plain text'),
-        ('a' * 70_000, 'KiB'),
-    ):
-        with pytest.raises(ModelFileError, match=message):
-            TactileModel(change(model_path, card=card))
-
-
-@pytest.fixture(scope='module')
-def tree_path(small_table, tmp_path_factory):
-    path = tmp_path_factory.mktemp('tree') / 'tree.npz'
-    write_model(path, train(small_table, 'tree'))
-    return path
-
-
-@pytest.mark.parametrize(
-    ('name', 'edit'),
-    [
-        ('feature', lambda a: np.where(a >= 0, 91, a)),
-        ('feature', lambda a: np.where(a >= 0, -1, a)),
-        ('below', lambda a: np.where(a >= 0, 0, a)),  # the path returns to the root
-        ('above', lambda a: np.where(a >= 0, len(a), a)),
-    ],
-)
-def test_a_tree_without_an_end_is_refused(tree_path, name, edit):
-    old = open_container(tree_path.read_bytes()).arrays[f'classifier.{name}']
-    with pytest.raises(ModelFileError, match=f'"{name}" are inconsistent with other arrays'):
-        TactileModel(change(tree_path, {f'classifier.{name}': edit(old)}))
+# -- random convolutions ------------------------------------------------------------
 
 
 @pytest.fixture(scope='module')
@@ -336,7 +182,7 @@ def test_convolutions_that_do_not_fit_are_refused(rocket_path, name, edit):
     assert load_model(rocket_path).manifest.classifier == 'rocket'
     old = open_container(rocket_path.read_bytes()).arrays[f'classifier.{name}']
     with pytest.raises(ModelFileError, match='are inconsistent with other arrays'):
-        TactileModel(change(rocket_path, {f'classifier.{name}': edit(old)}))
+        TactileModel(change_file(rocket_path, {f'classifier.{name}': edit(old)}))
 
 
 def test_counts_of_convolutions_are_added_without_overflow(rocket_path):
@@ -359,14 +205,14 @@ def test_convolutions_that_take_too_long_are_refused(rocket_path):
         'classifier.coefficients': np.zeros((3, 2 * shares)),
     }
     with pytest.raises(ModelFileError, match='for one window; the limit is 67,108,864'):
-        TactileModel(change(rocket_path, huge))
+        TactileModel(change_file(rocket_path, huge))
 
 
 def test_scores_that_are_not_finite_name_nothing(rocket_path, make_window):
     huge = {'classifier.intercept': np.full(3, 1e308), 'classifier.coefficients': None}
     old = open_container(rocket_path.read_bytes()).arrays['classifier.coefficients']
     huge['classifier.coefficients'] = np.full(old.shape, 1e308)
-    model = TactileModel(change(rocket_path, huge))
+    model = TactileModel(change_file(rocket_path, huge))
     window = make_window(
         feature_set='glide_waveform',
         feature_set_version=model.spec.version,
@@ -381,11 +227,15 @@ def test_scores_that_are_not_finite_name_nothing(rocket_path, make_window):
 
 def test_a_loaded_model_needs_neither_scikit_learn_nor_numba(rocket_path, model_path):
     program = (
-        'import sys; import numpy as np; from tactile_classifier import load_model\n'
+        'import sys, numpy; from tactile_classifier import load_model\n'
         'import tactile_classifier.model_set\n'
+        'windows = numpy.random.default_rng(0).normal(size=(3, 180))\n'
         f'for path in ({str(rocket_path)!r}, {str(model_path)!r}):\n'
         '    model = load_model(path)\n'
-        '    model.predict(np.zeros((1, len(model.spec.names))))\n'
+        '    for values in (windows, windows[:, : len(model.spec.names)]):\n'
+        '        for name in ("predict", "predict_or_unknown", "predict_proba", "novelty", '
+        '"p_value"):\n'
+        '            assert len(getattr(model, name)(values)) == 3\n'
         'assert not {"sklearn", "scipy", "numba"} & {n.partition(".")[0] for n in sys.modules}'
     )
     subprocess.run([sys.executable, '-c', program], check=True)
