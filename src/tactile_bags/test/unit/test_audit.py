@@ -238,7 +238,7 @@ STEPS = [
 
 
 def stepped_recording(
-    step_s, status, *, at=4_000, starts, lost=(), restart=False, late_s=0.0, count=6_600
+    step_s, status, *, at=3_000, starts, lost=(), restart=False, late_s=0.0, count=5_600
 ):
     """Return the audits of a recording with trials of 4 s, during which the clock is set.
 
@@ -275,9 +275,9 @@ def stepped_recording(
 @pytest.mark.parametrize(
     ('starts', 'late_s'),
     [
-        pytest.param([4_010, 5_000, 6_000], 0.05, id='before'),
-        pytest.param([1_000, 3_590, 4_010, 5_000], 0.0, id='between'),
-        pytest.param([3_000, 3_598, 4_002], 0.05, id='at the edges'),
+        pytest.param([3_010, 4_000, 5_000], 0.05, id='before'),
+        pytest.param([1_000, 2_590, 3_010, 4_000], 0.0, id='between'),
+        pytest.param([2_000, 2_598, 3_002], 0.05, id='at the edges'),
     ],
 )
 def test_a_clock_step_outside_of_trials_fails_none(step_s, status, starts, late_s):
@@ -287,13 +287,13 @@ def test_a_clock_step_outside_of_trials_fails_none(step_s, status, starts, late_
         assert audit.sample_count == 400
         assert audit.rate_hz == pytest.approx(100.0)
     assert recording.findings == (format_clock_step(round(step_s * 1e9), 'recording'),)
-    assert (recording.sample_count, recording.lost_count) == (6_600, 0)
+    assert (recording.sample_count, recording.lost_count) == (5_600, 0)
 
 
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)
-@pytest.mark.parametrize('at', [3_902, 4_299])
+@pytest.mark.parametrize('at', [2_902, 3_299])
 def test_a_clock_step_in_a_trial_fails_only_this_one(step_s, status, at):
-    starts = [1_000, 3_900, 4_400, 6_000]
+    starts = [1_000, 2_900, 3_400, 5_000]
     before, during, *after, _ = stepped_recording(step_s, status, at=at, starts=starts)
     assert during.findings == (format_clock_step(round(step_s * 1e9), 'trial'),)
     assert during.sample_count == 400
@@ -305,7 +305,7 @@ def test_a_clock_step_in_a_trial_fails_only_this_one(step_s, status, at):
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)
 def test_a_loss_beside_a_clock_step_is_counted(step_s, status):
     _, during, after, _ = stepped_recording(
-        step_s, status, starts=[1_000, 3_900, 5_000], lost={3_950, 4_100, 5_100}
+        step_s, status, starts=[1_000, 2_900, 4_000], lost={2_950, 3_100, 4_100}
     )
     assert during.findings[0] == format_clock_step(round(step_s * 1e9), 'trial')
     assert (during.lost_count, after.lost_count) == (2, 1)
@@ -316,7 +316,7 @@ def test_a_loss_beside_a_clock_step_is_counted(step_s, status):
 def test_trials_after_a_restart_with_a_clock_step_pass(step_s, status):
     status |= StrainStatus.RECONNECTED | StrainStatus.RESTARTED
     before, *after, recording = stepped_recording(
-        step_s, status, starts=[1_000, 4_100, 6_000], restart=True
+        step_s, status, starts=[1_000, 3_100, 5_000], restart=True
     )
     assert all(audit.passed for audit in (before, *after)), [a.format() for a in after]
     assert recording.duplicate_count == 0
