@@ -129,7 +129,7 @@ def _list_checks(
             from tactile_lab.force_topics import sensors_on_topics  # imports rclpy
 
             make = stack.enter_context(sensors_on_topics(namespace))
-        yield checks.check_sensor(sensor, seconds, make)
+        yield checks.check_sensor_samples(sensor, seconds, make)
     if guide := configs.get('guide'):
         yield checks.check_guide(guide, may_move)
     if tendon := configs.get('tendon'):

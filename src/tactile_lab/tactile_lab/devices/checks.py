@@ -72,7 +72,7 @@ def make_config(node: str, stated: Mapping[str, Any]) -> Any:
         raise TactileError(f'parameters of {node}: {error}') from error
 
 
-def check_sensor(
+def check_sensor_samples(
     config: TendonSensorConfig, seconds: float, make: MakeSensor = make_sensor
 ) -> CheckReport:
     """Read the sensor for ``seconds``, and check its samples.

@@ -16,7 +16,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from tactile_command import answer_of
 
-from tactile_lab.devices.checks import check_sensor
+from tactile_lab.devices.checks import check_sensor_samples
 from tactile_lab.force_topics import sensors_on_topics
 from tactile_ros.node_group import NodeGroup
 from tendon_sensor_driver.config import TendonSensorConfig
@@ -77,7 +77,7 @@ def test_faults_of_a_topic_are_reported_with_a_remedy(context):
     }
     configs = [TendonSensorConfig(**{**MEASURED, **values}) for values in topics.values()]
     with publishing(context, *nodes), sensors_on_topics() as make, ThreadPoolExecutor() as pool:
-        reports = pool.map(lambda config: asdict(check_sensor(config, 4.0, make)), configs)
+        reports = pool.map(lambda config: asdict(check_sensor_samples(config, 4.0, make)), configs)
         found = dict(zip(topics, reports, strict=True))
     facts, problems = found['sound']['facts'], describe(found['sound']['problems'])
     assert 'rate [Hz]' in facts, problems

@@ -1,7 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All clients of the package pass `check_sensor`, and wrong clients fail it."""
+"""Clients of serial ports and of the Net F/T pass `check_sensor`, and wrong clients fail it.
+
+The client of a force on a topic is checked in ``test/node/test_topic_node.py``.
+"""
 
 from contextlib import contextmanager
 import dataclasses

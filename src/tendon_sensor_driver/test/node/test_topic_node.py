@@ -24,8 +24,10 @@ from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float32, Float64
 
+from tactile_ros.node_group import NodeGroup
+from tactile_ros.stages import StageNode
 from tactile_ros.strain import StrainStatus
-from tendon_sensor_driver import topic_sensor
+from tendon_sensor_driver import check_sensor, TendonSensorConfig, topic_sensor
 
 RELIABLE = QoSProfile(depth=1000)
 SECOND_NS = 1_000_000_000
@@ -301,6 +303,37 @@ def test_deactivate_cleanup_and_configure_again(topic_graph, make_source):
     meet(graph, source)
     source.send(1.5)
     graph.spin_until(lambda: graph.strain)
+
+
+class Broadcaster(Source):
+    """Publishes its force at 100 Hz, with regular stamps."""
+
+    def __init__(self, context, kind):
+        super().__init__(context, kind)
+        self.due_ns = time.time_ns()
+        self.create_timer(0.01, self.send_what_is_due)
+
+    def send_what_is_due(self):
+        while self.due_ns < time.time_ns():
+            self.send(random.random(), self.due_ns)
+            self.due_ns += SECOND_NS // 100
+
+
+@pytest.mark.parametrize(
+    ('kind', 'parameters'),
+    [
+        (WrenchStamped, {'rate_hz': 100.0}),
+        (WrenchStamped, {'rate_hz': 0.0}),
+        (Float64, {'rate_hz': 100.0, 'topic_stamps': 'arrival'}),
+    ],
+)
+def test_a_force_on_a_topic_keeps_the_contract_of_all_sensors(context, kind, parameters):
+    config = TendonSensorConfig(sensor='topic', topic='/force', **parameters)
+    listener = StageNode('listener', TendonSensorConfig, context=context)
+    with NodeGroup([listener, Broadcaster(context, kind)], context):
+        check_sensor(
+            lambda on_block, now_ns: topic_sensor.TopicClient(listener, config, on_block, now_ns)
+        )
 
 
 def test_the_node_does_not_listen_to_itself(make_graph):
