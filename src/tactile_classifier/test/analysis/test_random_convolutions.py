@@ -7,6 +7,7 @@ from itertools import combinations
 from pathlib import Path
 import sys
 
+from model_checks import check_model
 import numpy as np
 import pytest
 from sklearn.linear_model import RidgeClassifierCV
@@ -18,7 +19,7 @@ from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators import convolutions as convolutions_module
 from tactile_classifier.estimators import random_convolutions
-from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
+from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_classifier.estimators.random_convolutions import (
     ALPHAS,
     fit_convolutions,
@@ -26,7 +27,6 @@ from tactile_classifier.estimators.random_convolutions import (
     RandomConvolutionClassifier,
 )
 from tactile_classifier.evaluation.cross_validation import evaluate, list_pairs
-from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 
@@ -196,16 +196,9 @@ def test_the_model_file_answers_as_the_estimator(few_features, channels, classes
     table = waveform_table(channels=channels, classes=classes)
     assert table.channels == channels
     trained = train(table, 'rocket')
-    model = write_model(tmp_path / 'm.npz', trained)
-    assert (model.manifest.classifier, model.manifest.scaling) == ('rocket', 'none')
     others = make_trials(channels, classes=classes, seed=1)[0].reshape(len(table), -1)
-    found = model.compute(others)
-    raw = compute_raw_scores(trained.estimator, others)
-    answer = np.array(model.labels)[found.answer]
-    np.testing.assert_array_equal(answer, trained.estimator.predict(others))
-    np.testing.assert_allclose(found.scores, trained.calibration.compute(raw), atol=1e-9, rtol=0)
-    np.testing.assert_allclose(found.novelty, trained.novelty.compute(others), rtol=1e-6)
-    np.testing.assert_array_equal(found.scores.argmax(axis=1), found.answer)
+    model = check_model(trained, tmp_path / 'm.npz', others)
+    assert (model.manifest.classifier, model.manifest.scaling) == ('rocket', 'none')
 
 
 @pytest.mark.parametrize('classes', [2, 3])
