@@ -12,6 +12,8 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
 
 from tactile_analysis import FeatureOptions, prepare, SourceError, SourceOptions, TrialSet
 from tactile_ros.errors import TactileError
@@ -62,19 +64,68 @@ def write_long_table(folder):
     return folder / 'trials.parquet'
 
 
+def write_labelled_array(folder):
+    np.save(folder / 'x.npy', np.random.default_rng(3).normal(size=(4, 2, 40)))
+    np.save(folder / 'x_labels.npy', np.repeat(['pla', 'rubber'], 2))
+    return folder / 'x.npy'
+
+
+def write_arrays(folder):
+    """Write a folder for each label, with one array per trial; return ``folder``."""
+    rng = np.random.default_rng(3)
+    for label in ('pla', 'rubber'):
+        (folder / label).mkdir()
+        for number in range(2):
+            np.save(folder / label / f'{number}.npy', rng.normal(size=(2, 40)))
+    return folder
+
+
+def write_bags(folder, plugin):
+    """Write a folder for each label, with one bag of wrenches per trial; return ``folder``."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    vector = types['geometry_msgs/msg/Vector3']
+    kind = 'geometry_msgs/msg/WrenchStamped'
+    for label in ('pla', 'rubber'):
+        (folder / label).mkdir()
+        for number in range(2):
+            with Writer(folder / label / str(number), version=9, storage_plugin=plugin) as writer:
+                connection = writer.add_connection('/ft', kind, typestore=store)
+                for i in range(40):
+                    stamp = types['builtin_interfaces/msg/Time'](1_700_000_000, i * 10_000_000)
+                    force = vector(0.0, float(i), np.sin(number + i / 100))
+                    wrench = types['geometry_msgs/msg/Wrench'](force, vector(0.0, 0.0, 0.0))
+                    message = types[kind](types['std_msgs/msg/Header'](stamp, 'ft'), wrench)
+                    stamp_ns = stamp.sec * 10**9 + stamp.nanosec
+                    writer.write(connection, stamp_ns, store.serialize_cdr(message, kind))
+    return folder
+
+
 SOURCES = {
     'archive': lambda folder: write_archive(folder / 'a.npz', unit='mN'),
     'tables': lambda folder: write_tables(folder, '.csv'),
     'parquet': lambda folder: write_tables(folder, '.parquet'),
     'list': write_list,
     'long table': write_long_table,
+    'labelled array': write_labelled_array,
+    'arrays': write_arrays,
+    'MCAP bags': lambda folder: write_bags(folder, StoragePlugin.MCAP),
+    'SQLite bags': lambda folder: write_bags(folder, StoragePlugin.SQLITE3),
 }
+
+STATED = {
+    'labelled array': SourceOptions(rate_hz=100.0),
+    'arrays': SourceOptions(rate_hz=100.0),
+    'MCAP bags': SourceOptions(field='force.z,force.y'),
+    'SQLite bags': SourceOptions(field='force.z'),
+}
+"""Facts that a recording of `SOURCES` does not contain."""
 
 
 @pytest.mark.parametrize('source', SOURCES)
 def test_every_source_keeps_what_a_set_of_trials_promises(tmp_path, source):
     path = SOURCES[source](tmp_path)
-    check_source(lambda: TrialSet.load(path))
+    check_source(lambda: TrialSet.load(path, STATED.get(source)))
 
 
 def test_a_set_with_an_excluded_trial_keeps_the_promises_too(tmp_path):
@@ -279,7 +330,7 @@ def test_the_columns_are_a_frame_with_one_row_per_trial(tmp_path):
 def test_a_set_is_selected_excluded_and_relabelled_without_changing_the_loaded_one(
     tmp_path, source
 ):
-    whole = TrialSet.load(SOURCES[source](tmp_path))
+    whole = TrialSet.load(SOURCES[source](tmp_path), STATED.get(source))
     before = whole.even()
     x = [trial.signal.values for trial in before]
     labels = np.array([trial.label for trial in before])

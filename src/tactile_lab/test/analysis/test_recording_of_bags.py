@@ -112,6 +112,19 @@ def test_bag_of_an_experiment_without_trials_is_omitted(stiffness_bag, rewrite, 
         TrialSet.load(folder)
 
 
+def test_experiment_keeps_the_rules_of_a_source(stiffness_bag, tmp_path):
+    with TrialSet.load(stiffness_bag) as recording:
+        ids = [trial.name for trial in recording.trials]
+    began = [{'kind': 'began', 'key': each, 'trial_id': each} for each in ids]
+    ended = [{'kind': 'ended', 'trial_id': each, 'verdict': 'good'} for each in ids[1:]]
+    corrected = [
+        {'kind': 'excluded', 'trial_id': ids[1], 'why': 'the plate was loose'},
+        {'kind': 'relabelled', 'trial_id': ids[2], 'label': 'cork'},
+    ]
+    folder = make_experiment(tmp_path / 'one', stiffness_bag, [*began, *ended, *corrected])
+    check_source(lambda: TrialSet.load(folder))
+
+
 def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_bag, tmp_path):
     with TrialSet.load(stiffness_bag) as recording:
         labels = {trial.name: trial.label for trial in recording.trials}
