@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 PROTOCOL_TEXTURE = 'texture'
 PROTOCOL_STIFFNESS = 'stiffness'
-PROTOCOL_SLIP = 'slip'
 
 CONTACT_FLEXION = 'flexion'
 CONTACT_ABDUCTION = 'abduction'
@@ -28,7 +27,6 @@ PHASE_APPROACH = 'approach'
 PHASE_TOUCH = 'contact'
 PHASE_GLIDE = 'glide'
 PHASE_HOLD = 'hold'
-PHASE_PULL = 'pull'
 PHASE_RELEASE = 'release'
 PHASE_RETURN = 'return'
 PHASE_DONE = 'done'

@@ -19,10 +19,7 @@ ROBOT = (
     'tactile_classifier',
     'tactile_bringup',
 )
-ONLY_PIP = (
-    *('lz4', 'mcap', 'onnx', 'onnxruntime', 'pyarrow', 'rosbags'),
-    *('skl2onnx', 'zstandard'),
-)
+ONLY_PIP = ('lz4', 'mcap', 'pyarrow', 'rosbags', 'zstandard')
 OTHERS = ('numba', 'tactile_bags', 'tactile_lab', 'tactile_sim')
 """Packages that are optional on a robot."""
 

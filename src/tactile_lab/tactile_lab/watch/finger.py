@@ -22,7 +22,6 @@ from tactile_features.types import (
     PHASE_DONE,
     PHASE_GLIDE,
     PHASE_HOLD,
-    PHASE_PULL,
     PROTOCOL_STIFFNESS,
     SET_TEXTURE_SPECTRUM,
     TrialEvent,
@@ -138,7 +137,7 @@ SIGNAL_FAULTS = (
 
 _Kept = TypeVar('_Kept')
 
-MEASURED = (PHASE_GLIDE, PHASE_HOLD, PHASE_PULL)
+MEASURED = (PHASE_GLIDE, PHASE_HOLD)
 """Phases in which the feature windows lie."""
 
 
