@@ -136,7 +136,7 @@ def test_an_early_window_is_answered_as_on_the_stream(tmp_path):
     part = tension_n[window.first_sequence :][: window.sample_count]
     live, answer = early.classify_window(window), early.classify(part, 60)
     assert (tuple(answer.scores.values()), answer.label) == (live.scores, live.label)
-    with pytest.raises(DatasetError, match=r'90 samples; a window has 60 '):
+    with pytest.raises(DatasetError, match=r'90 samples.* 60 '):
         early.classify(tension_n[:90], 60)
 
 
@@ -158,7 +158,7 @@ def test_the_remedy_for_too_many_samples_is_the_window_of_the_live_node(model):
             r'the rate is 100 Hz, but the model was trained at 60 Hz: resample the samples',
         ),
         (np.ones((2, 180)), 60, r'shape \(2, 180\); one window has shape \(n,\): call'),
-        (3.0, 60, r'shape \(\); one window has shape'),
+        (3.0, 60, r'shape \(\);'),
     ],
 )
 def test_samples_that_are_no_window_are_refused_with_the_remedy(model, samples, rate_hz, sentence):
@@ -182,7 +182,7 @@ def test_a_model_of_several_channels_takes_all_of_them(tmp_path):
     for row, values in zip(x[::7], table.values[::7], strict=True):
         expected = model.compute(values[np.newaxis]).scores[0].tolist()
         assert list(model.classify(row, 60).scores.values()) == expected
-    with pytest.raises(DatasetError, match=r'one window has shape \(2, n\)'):
+    with pytest.raises(DatasetError, match=r'\(2, n\)'):
         model.classify(x[0, 0], 60)
 
 
@@ -223,9 +223,7 @@ def test_a_rate_that_differs_by_less_than_a_thousandth_is_the_same(model):
     answer = model.classify(samples, 60.0)
     for rate_hz in (60.03, 59.95, float(np.float32(60.001)), 1.0 / np.diff([0.0, 1.0 / 60.0])[0]):
         assert model.classify(samples, rate_hz).label == answer.label
-    with pytest.raises(
-        DatasetError, match=r'the rate is 60\.07 Hz, but the model was trained at 60 Hz'
-    ):
+    with pytest.raises(DatasetError, match=r'60\.07 Hz.* 60 Hz'):
         model.classify(samples, 60.07)
     other = features_from_trials('texture', samples[np.newaxis], 59.95)[1]
     assert other.names != model.spec.names
@@ -282,5 +280,5 @@ def test_an_uncalibrated_model_has_raw_scores_alone_and_says_why(tmp_path):
     assert (answer.probabilities, answer.novelty, answer.p_value) == ({}, None, None)
     assert max(answer.scores, key=answer.scores.get) == 'plate 1'
     for ask in (model.predict_proba, model.novelty, model.p_value):
-        with pytest.raises(DatasetError, match='a threshold with a false'):
+        with pytest.raises(DatasetError, match=' 19 trials'):
             ask(rows)

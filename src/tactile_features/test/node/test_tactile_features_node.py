@@ -165,7 +165,7 @@ def test_samples_that_do_not_come_are_told_in_time(make_bench):
     wait_until(lambda: 'no features of trial ?[2Jt1: ' in read_stderr())
     (window,) = bench.windows
     assert window.outcome == WindowOutcome.GAP
-    assert 'no samples arrived within 0.5 s after the end of the hold' in window.reason
+    assert 'within 0.5 s after' in window.reason
     # When the sensor sends again, this trial gets no further window; the next trial is complete.
     bench.send_blocks(700, 300)
     for msg in (event(12.0, 'hold', 't2'), event(16.0, 'done', 't2')):

@@ -167,7 +167,7 @@ def replaced(value, at=slice(None)):
         *((glide, around([lost], 50), GAP, 'samples are missing') for lost in (24, 30, 34)),
         *((hold, around([lost], 50), GAP, 'missing') for lost in (22, 23, 30, 39)),
         (hold, [block(24, 30)], GAP, 'at the start of the window'),
-        (glide, [block(25, 30)], GAP, 'at the start of the window'),
+        (glide, [block(25, 30)], GAP, 'at the start'),
         (glide, marked(StrainStatus.RECONNECTED, 30), GAP, 'restarted at'),
         (glide, [block(0, 30), block(0, 20, shift_ns=3 * S)], GAP, 'restarted at'),
         (glide, [block(0, 30), block(30, 20, lost_before=4)], GAP, 'restarted at'),
@@ -198,7 +198,7 @@ def test_a_window_that_is_not_sound_has_no_features_and_says_why(make, blocks, o
 def test_a_loss_at_the_start_does_not_move_a_window_that_has_room_behind_it(lost):
     window = glide(*around(lost, 40), end_s=5.0)
     assert window.outcome == GAP
-    assert 'at the start of the window' in window.reason
+    assert 'at the start' in window.reason
 
 
 def test_what_is_wrong_outside_the_window_does_no_harm():
@@ -284,7 +284,7 @@ def test_an_early_window_comes_with_its_last_sample_and_ignores_what_the_phase_d
         (3.401, 'aborted', None, ''),
         (3.49, 'release', WindowOutcome.TOO_SHORT, 'the glide ended after 1.490 s'),
         (3.5, 'release', None, ''),
-        (1.9, 'release', BAD_TIME, 'clock was set back'),
+        (1.9, 'release', BAD_TIME, '0.100 s before'),
     ],
 )
 def test_a_refusal_follows_an_early_window_in_which_its_phase_ended(end_s, phase, outcome, word):
@@ -446,7 +446,7 @@ def test_an_end_that_comes_before_its_start_is_a_clock_that_was_set_back(phase):
 def test_a_clock_that_is_set_back_within_a_phase_refuses_it_before_it_ends(phase):
     (window,) = run(event(0.4, phase), *stepped(30, -20.0))
     assert window.outcome == BAD_TIME
-    assert "the host's clock was set back by 20.000 s" in window.reason
+    assert 'back by 20.000 s' in window.reason
 
 
 def test_phases_that_wait_when_the_stream_begins_at_an_earlier_time_are_refused():

