@@ -62,17 +62,19 @@ class SourceOptions:
         str,
         'Where the label of a file or bag comes from: "folder" is the name of its folder; '
         '"file" is its name without the number at the end; a regular expression matches its '
-        'path and has the label in parentheses. Named groups become columns.',
+        'path and has the label in parentheses. Named groups become columns. Default: the folder, '
+        'if there are several; its parent, if the folders are named like groups (day1, day2).',
     ] = ''
     labels: Annotated[
         Optional[Path],
-        'File with one label per trial, for a .npy file: .npy, .txt or .csv. Default: NAME_labels '
-        'or labels beside it.',
+        'File with one label per trial, for a .npy file: .npy, .txt or .csv. Default: a file '
+        'beside it with the name NAME_labels, NAME_y, labels, label or y.',
     ] = None
     topic: Annotated[
         str,
         'Topic of a bag that contains the force. Its messages are WrenchStamped, Float64, '
-        'Float32, JointState, or our StrainBlock. Each bag is one trial.',
+        'Float32, JointState, or our StrainBlock. Each bag is one trial. Default: the only topic '
+        'with such messages.',
     ] = ''
     field: Annotated[
         str,

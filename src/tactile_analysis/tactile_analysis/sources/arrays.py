@@ -73,7 +73,9 @@ def _load_array(path: Path) -> NDArray[Any]:
     return np.array(array)
 
 
-def _read_labelled_array(leaf: SourceFile, options: SourceOptions) -> dict[str, Array] | None:
+def _read_labelled_array(
+    leaf: SourceFile, options: SourceOptions, notes: ImportNotes
+) -> dict[str, Array] | None:
     """Return the arrays ``x`` and ``label`` of a file with one row per trial; see `ARCHIVE`.
 
     The labels are in another file: the file stated by the user, or ``NAME_labels``, ``NAME_y``,
@@ -85,8 +87,10 @@ def _read_labelled_array(leaf: SourceFile, options: SourceOptions) -> dict[str, 
         return None
     x = _load_array(leaf.path)
     labels = _load_array(path) if path.suffix == '.npy' else _read_lines(path)
+    notes.add(f'label: the entries of {path.name}')
     if path.suffix == '.csv' and len(labels) == len(x) + 1:
-        labels = labels[1:]  # the first line is the name of the column
+        notes.add(f'{path.name}: "{labels[0]}" in its first line is the name of the column')
+        labels = labels[1:]
     if labels.shape != x.shape[:1]:
         raise SourceError(
             f'{leaf.path} has shape {x.shape}, but {path} has {len(labels)} labels; '
@@ -117,7 +121,7 @@ def read_array_trials(
     A single file needs a file of labels in the same folder.
     A file with one trial has the shape (samples,) or (channels, samples).
     """
-    arrays = _read_labelled_array(leaves[0], options) if len(leaves) == 1 else None
+    arrays = _read_labelled_array(leaves[0], options, notes) if len(leaves) == 1 else None
     if arrays is not None:
         return _make_trials(leaves[0], arrays, options, notes)
     trials = []
@@ -127,6 +131,9 @@ def read_array_trials(
             f'{leaves[0].path} has no labels: write them to {leaves[0].path.stem}_labels.npy, or '
             f'name their file with --labels\n{LAYOUT}'
         )
+    unused = {str(path) for leaf in leaves if (path := _find_labels(leaf.path))}
+    if unused:
+        notes.add(f'not used, because each array is one trial: {", ".join(sorted(unused))}')
     for leaf, columns in zip(leaves, named, strict=True):
         values = _load_array(leaf.path)
         if values.ndim not in (1, 2) or values.dtype.kind not in 'fiub' or not values.size:

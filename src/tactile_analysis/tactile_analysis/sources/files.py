@@ -223,8 +223,11 @@ def _walk(path: Path, root: Path) -> Iterator[SourceFile]:
     if any(p.name == 'metadata.yaml' or p.name.endswith(BAG_SUFFIXES) for p in inside):
         yield SourceFile(path, root, SourceKind.BAG)
         return
+    # Files of labels are beside arrays; anywhere else, y.csv or a folder y is a recording.
+    labels = {p for p in inside if p.is_file() and _LABEL_FILES.match(p.stem)}
+    has_arrays = any(p.suffix.lower() == '.npy' for p in inside if p not in labels)
     for child in inside:
-        if not child.name.startswith('.') and not _LABEL_FILES.match(child.stem):
+        if not child.name.startswith('.') and not (has_arrays and child in labels):
             yield from _walk(child, root)
 
 

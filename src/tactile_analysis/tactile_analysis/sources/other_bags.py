@@ -55,6 +55,8 @@ def read_bag_trials(
             raise SourceError(f'{leaf.path}: there are no messages on {topic}')
         fields = fields or _choose_fields(found[0], messages[0])
         values, stamps_ns = _read_fields(leaf, found[0], fields, messages, received)
+        if found[0] != STRAIN and not all(map(_header_ns, messages)):
+            notes.add(f'time: the arrival of messages on {topic} that have no stamp')
         values, stamps_ns = _put_in_order(values, stamps_ns, notes)
         time_s = (stamps_ns - stamps_ns[0]) * 1e-9
         known = {**columns, 'source': leaf.name}
@@ -124,9 +126,7 @@ def _read_fields(
             raise SourceError(f'--field: {type_name} has tension_n')
         values = np.concatenate([np.asarray(m.tension_n, dtype=np.float64) for m in messages])
         stamps = [
-            _stamp_ns(m, 0) + i * int(m.period_ns)
-            for m in messages
-            for i in range(len(m.tension_n))
+            _header_ns(m) + i * int(m.period_ns) for m in messages for i in range(len(m.tension_n))
         ]
         return values[np.newaxis], np.array(stamps, dtype=np.int64)
     readers = [_find_reader(type_name, name) for name in fields]
@@ -138,15 +138,14 @@ def _read_fields(
             f'--field: {leaf.path} has no {", ".join(fields)} in each message; its joints are '
             f'{joints}'
         ) from error
-    stamps = [_stamp_ns(m, at) for m, at in zip(messages, received_ns, strict=True)]
+    stamps = [_header_ns(m) or at for m, at in zip(messages, received_ns, strict=True)]
     return np.array(rows, dtype=np.float64), np.array(stamps, dtype=np.int64)
 
 
-def _stamp_ns(message: Any, received_at_ns: int) -> int:
+def _header_ns(message: Any) -> int:
+    """Return the stamp in the header of a message [ns]; 0 if it has none."""
     header = getattr(message, 'header', None)
-    if header is None:
-        return received_at_ns
-    return time_from_msg(header.stamp) or received_at_ns
+    return 0 if header is None else time_from_msg(header.stamp)
 
 
 def _unit(type_name: str, field: str) -> str:

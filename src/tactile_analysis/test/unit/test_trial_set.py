@@ -80,7 +80,7 @@ def write_arrays(folder):
     return folder
 
 
-def write_bags(folder, plugin):
+def write_bags(folder, plugin, *, with_stamps=True):
     """Write a folder for each label, with one bag of wrenches per trial; return ``folder``."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     types = store.types
@@ -92,12 +92,15 @@ def write_bags(folder, plugin):
             with Writer(folder / label / str(number), version=9, storage_plugin=plugin) as writer:
                 connection = writer.add_connection('/ft', kind, typestore=store)
                 for i in range(40):
-                    stamp = types['builtin_interfaces/msg/Time'](1_700_000_000, i * 10_000_000)
+                    sec, nanosec = 1_700_000_000, i * 10_000_000
+                    stamp = types['builtin_interfaces/msg/Time'](
+                        *((sec, nanosec) if with_stamps else (0, 0))
+                    )
                     force = vector(0.0, float(i), np.sin(number + i / 100))
                     wrench = types['geometry_msgs/msg/Wrench'](force, vector(0.0, 0.0, 0.0))
                     message = types[kind](types['std_msgs/msg/Header'](stamp, 'ft'), wrench)
-                    stamp_ns = stamp.sec * 10**9 + stamp.nanosec
-                    writer.write(connection, stamp_ns, store.serialize_cdr(message, kind))
+                    data = store.serialize_cdr(message, kind)
+                    writer.write(connection, sec * 10**9 + nanosec, data)
     return folder
 
 
@@ -132,6 +135,32 @@ def test_a_set_with_an_excluded_trial_keeps_the_promises_too(tmp_path):
     path = write_tables(tmp_path, '.csv')
     is_first = np.arange(4) == 0
     check_source(lambda: TrialSet.load(path).exclude(is_first, 'the object was loose'))
+
+
+def test_only_files_beside_arrays_are_labels(tmp_path):
+    write_tables(tmp_path / 'tables', '.csv')
+    (tmp_path / 'tables' / 'pla').rename(tmp_path / 'tables' / 'y')
+    (tmp_path / 'tables' / 'y' / '0.csv').rename(tmp_path / 'tables' / 'y' / 'labels.csv')
+    tables = TrialSet.load(tmp_path / 'tables')
+    assert [trial.label for trial in tables] == ['rubber', 'rubber', 'y', 'y']
+    (tmp_path / 'labelled').mkdir()
+    write_labelled_array(tmp_path / 'labelled')
+    one = TrialSet.load(tmp_path / 'labelled', STATED['labelled array'])
+    assert [trial.label for trial in one] == ['pla', 'pla', 'rubber', 'rubber']
+    assert any('x_labels.npy' in note for note in one.notes)
+    (tmp_path / 'arrays').mkdir()
+    write_arrays(tmp_path / 'arrays')
+    np.save(tmp_path / 'arrays' / 'pla' / 'labels.npy', np.array(['a', 'b']))
+    several = TrialSet.load(tmp_path / 'arrays', STATED['arrays'])
+    assert [trial.label for trial in several] == ['pla', 'pla', 'rubber', 'rubber']
+    assert any('labels.npy' in note for note in several.notes)
+
+
+def test_bags_whose_messages_have_no_stamp_state_that_they_use_the_arrival(tmp_path):
+    write_bags(tmp_path, StoragePlugin.MCAP, with_stamps=False)
+    with TrialSet.load(tmp_path, STATED['MCAP bags']) as trials:
+        assert any(note.startswith('time: the arrival') for note in trials.notes)
+        assert trials.even().rate_hz == 100.0
 
 
 def test_an_archive_is_trials_and_the_same_archive_again(tmp_path):

@@ -47,8 +47,10 @@ def import_recordings(
 ) -> None:
     """Convert recordings of other programs to one archive.
 
-    The command prints which columns were used, and a command that evaluates the archive. Nothing
-    is guessed: if information is missing, the error names the option that provides it.
+    Without options, the command uses columns and arrays with known names (such as force, time and
+    label), units in these names, and names of folders as labels. It prints what it has used, and a
+    command that evaluates the archive. If something is missing or can be read in several ways, the
+    error names the option that states it.
     """
     from tactile_analysis import TrialSet
     from tactile_analysis.sources.signals import join_columns
