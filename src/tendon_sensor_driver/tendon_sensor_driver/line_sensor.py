@@ -60,7 +60,8 @@ _split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
 # If the decimal mark is the comma, a comma between two digits belongs to a number. Other commas
 # separate columns.
 _split_at_other_commas = re.compile(rb'[ \t]*(?:;|(?<!\d),|,(?!\d))[ \t]*|[ \t]+').split
-_find_bare_comma = re.compile(rb'(?:^|[ \t,;]),\d').search  # ',5' may be 0.5 or an empty column
+# ',5' may be 0.5 or an empty column, and '-,5' may be -0.5 or a column with a sign.
+_find_bare_comma = re.compile(rb'(?:^|[ \t,;:=+-]),\d').search
 _join_sign = re.compile(rb'(?<![^ \t,;])([+-]) +(?=[\d.,])').sub
 _find_digit = re.compile(rb'\d').search
 _find_letter = re.compile(rb'[A-Za-z%\x80-\xff]').search  # '%' may be a unit

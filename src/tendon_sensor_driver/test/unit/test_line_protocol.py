@@ -177,6 +177,13 @@ def test_the_other_mark_separates_columns_or_makes_no_number(line, mark, reading
     assert decode((line + b'\n') * 3, config)[1] == readings
 
 
+@pytest.mark.parametrize('line', [b',5 kg', b'-,5 kg', b'- ,5 kg', b'F:,5 kg', b'7 ,5 kg'])
+@pytest.mark.parametrize('value_column', [0, 1])
+def test_a_comma_that_may_be_a_column_or_a_decimal_mark_is_refused(line, value_column):
+    config = TendonSensorConfig(time_column=-1, value_column=value_column, decimal_mark=',')
+    assert decode((line + b'\n') * 3, config)[1] == []
+
+
 def test_a_simulated_device_says_so_in_each_line():
     decoder = LineDecoder(CONFIG)
     lines = [encode_reading(17 * i, 0.5, is_simulated=True) for i in range(3)]
@@ -377,6 +384,7 @@ def test_a_line_of_a_dialect_is_read_exactly_or_refused(dialect, unit, mark, sam
 )
 @example('.', -1, 0, 'kg', b'0 1')
 @example(',', -1, 1, 'kg', b',1')
+@example(',', -1, 1, 'kg', b'ST,1')
 def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_column, unit, data):
     if time_column == value_column:
         time_column = -1
@@ -387,8 +395,8 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
         decoder = LineDecoder(config)
         for reading in decoder.feed(b'\n' + (line + b'\n') * 2, 7):
             text = re.sub('([+-]) +', r'\1', line.decode('latin-1'))
-            if mark == ',':
-                text = text.replace(',', '.')
+            if mark == ',':  # any other comma separates columns
+                text = re.sub(r'(?<=\d),(?=\d)', '.', text)
             # The value must be a whole number in the line, not a part of a longer number.
             numbers = re.findall(r'(?<![\d.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?', text)
             assert abs(reading.value) in [abs(float(number)) for number in numbers]
