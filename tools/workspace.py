@@ -229,13 +229,14 @@ class Workspace:
             'simulate_trials("stiffness", "none", "flexion", Timeline([], [], 0.1), 1, 0)'
         )
         path = os.pathsep.join(str(ROOT / 'src' / name) for name in ('tactile_sim', 'tactile_ros'))
-        return subprocess.Popen(
-            [str(self.python), '-c', code],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            env={**self.environment(), 'PYTHONPATH': path},
-        )
+        with self.log.open('a') as log:
+            return subprocess.Popen(
+                [str(self.python), '-c', code],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**self.environment(), 'PYTHONPATH': path},
+            )
 
     def build(self) -> None:
         key = self.build_key()  # computed first, in case a file is edited during the build
@@ -245,20 +246,22 @@ class Workspace:
             for old in (self.install, self.build_base):
                 shutil.rmtree(old, ignore_errors=True)
         compiling = self.compile_simulator()
-        self.step(
-            'building the packages (colcon)',
-            [
-                *(str(self.python), '-m', 'colcon', '--log-base', str(self.base / 'log')),
-                *('build', '--base-paths', str(ROOT / 'src')),
-                *('--build-base', str(self.build_base), '--install-base', str(self.install)),
-                *('--merge-install', '--symlink-install'),
-                *('--cmake-args', '-G', 'Ninja', f'-DPython3_EXECUTABLE={self.python}'),
-                *('-DPython3_FIND_VIRTUALENV=ONLY', '--no-warn-unused-cli'),
-                f'-DCMAKE_PROJECT_tactile_msgs_INCLUDE={PYTHON_MESSAGES}',
-            ],
-            'the build failed; the end of its output is above',
-        )
-        compiling.wait()
+        try:
+            self.step(
+                'building the packages (colcon)',
+                [
+                    *(str(self.python), '-m', 'colcon', '--log-base', str(self.base / 'log')),
+                    *('build', '--base-paths', str(ROOT / 'src')),
+                    *('--build-base', str(self.build_base), '--install-base', str(self.install)),
+                    *('--merge-install', '--symlink-install'),
+                    *('--cmake-args', '-G', 'Ninja', f'-DPython3_EXECUTABLE={self.python}'),
+                    *('-DPython3_FIND_VIRTUALENV=ONLY', '--no-warn-unused-cli'),
+                    f'-DCMAKE_PROJECT_tactile_msgs_INCLUDE={PYTHON_MESSAGES}',
+                ],
+                'the build failed; the end of its output is above',
+            )
+        finally:
+            compiling.wait()
         # colcon does not remove links to files that have been deleted.
         for path in self.install.rglob('*'):
             if path.is_symlink() and not path.exists():

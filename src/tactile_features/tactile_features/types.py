@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 PROTOCOL_TEXTURE = 'texture'
 PROTOCOL_STIFFNESS = 'stiffness'
+PROTOCOL_SLIP = 'slip'  # only in recordings made before December 2026
 
 CONTACT_FLEXION = 'flexion'
 CONTACT_ABDUCTION = 'abduction'
@@ -27,6 +28,7 @@ PHASE_APPROACH = 'approach'
 PHASE_TOUCH = 'contact'
 PHASE_GLIDE = 'glide'
 PHASE_HOLD = 'hold'
+PHASE_PULL = 'pull'  # only in recordings made before December 2026
 PHASE_RELEASE = 'release'
 PHASE_RETURN = 'return'
 PHASE_DONE = 'done'

@@ -18,7 +18,8 @@ def replace_file(path: Path, data: bytes) -> None:
     Raises
     ------
     OSError
-        If the file cannot be written. The previous file is then unchanged.
+        If the file cannot be written. The previous file is then unchanged, except if only the
+        entry in the folder could not be written to the disk.
     """
     temporary = path.with_name(f'.{path.name}.{os.getpid()}.new')
     try:

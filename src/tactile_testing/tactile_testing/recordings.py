@@ -65,7 +65,7 @@ def check_signal(trial):
     assert channels == len(signal.channels) > 0
     assert samples > 0
     assert np.isfinite(signal.values).all()
-    assert signal.rate_hz is None or signal.rate_hz > 0
+    assert signal.rate_hz > 0
     assert signal.time_s.shape == (samples,)
     assert signal.time_s[0] >= 0
     assert (np.diff(signal.time_s) > 0).all()

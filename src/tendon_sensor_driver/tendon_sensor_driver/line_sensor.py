@@ -83,6 +83,10 @@ _NUMBER_BESIDE = (
     'if the number is another column, set line_columns to the number of columns in a line; '
     'thousands separators are not supported'
 )
+_SIGN_BESIDE = (
+    'its sign is in another column than its value: let the device send the sign in front of the '
+    'digits'
+)
 _FAULT = 'the device reports an overload or an error: unload it, then see its manual'
 _TOO_LONG = 'it is too long: check the baud'
 
@@ -229,6 +233,8 @@ class LineDecoder:
             ticks = int(text.replace(self._mark, b'') if self._has_time_mark else text)
         words = [w for w in columns[: self._value_column] if w and not _find_digit(w)]
         text = columns[self._value_column]
+        if words and words[-1] == b'-' and columns[self._value_column - 1] == b'-':
+            raise _RefusedLineError(_SIGN_BESIDE)
         unit = b''
         if not self._match_number(text):
             named = self._match_named(text)

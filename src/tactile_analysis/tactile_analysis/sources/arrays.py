@@ -79,8 +79,8 @@ def _read_labelled_array(
     """Return the arrays ``x`` and ``label`` of a file with one row per trial; see `ARCHIVE`.
 
     The labels are in another file: the file stated by the user, or ``NAME_labels``, ``NAME_y``,
-    ``labels`` or ``y`` in the same folder, with the suffix ``.npy``, ``.txt`` or ``.csv``. If
-    there is no such file, None is returned.
+    ``labels``, ``label`` or ``y`` in the same folder, with the suffix ``.npy``, ``.txt`` or
+    ``.csv``. If there is no such file, None is returned.
     """
     path = options.labels or _find_labels(leaf.path)
     if path is None:
@@ -102,7 +102,7 @@ def _read_labelled_array(
 def _find_labels(path: Path) -> Path | None:
     names = (f'{path.stem}_labels', f'{path.stem}_y', 'labels', 'label', 'y')
     places = (path.with_name(name + suffix) for name in names for suffix in _LABEL_SUFFIXES)
-    return next((place for place in places if place.is_file()), None)
+    return next((place for place in places if place != path and place.is_file()), None)
 
 
 def _read_lines(path: Path) -> NDArray[np.str_]:
@@ -131,7 +131,14 @@ def read_array_trials(
             f'{leaves[0].path} has no labels: write them to {leaves[0].path.stem}_labels.npy, or '
             f'name their file with --labels\n{LAYOUT}'
         )
-    unused = {str(path) for leaf in leaves if (path := _find_labels(leaf.path))}
+    if options.labels is not None and len(leaves) > 1:
+        raise SourceError(
+            f'a file of labels ({options.labels}) is only for one array with a row per trial, but '
+            f'there are {len(leaves)} arrays: state --label or --label-from'
+        )
+    recordings = {leaf.path for leaf in leaves}
+    found = {_find_labels(leaf.path) for leaf in leaves}
+    unused = {str(path) for path in found if path is not None and path not in recordings}
     if unused:
         notes.add(f'not used, because each array is one trial: {", ".join(sorted(unused))}')
     for leaf, columns in zip(leaves, named, strict=True):

@@ -148,7 +148,7 @@ def find_leaves(paths: Sequence[Path]) -> list[SourceFile]:
     """
     leaves: list[SourceFile] = []
     for path in expand_lists(paths):
-        found = list(_walk(path, path))
+        found = _without_labels(list(_walk(path, path)))
         if not found:
             what = (
                 'there are no recordings in it'
@@ -223,12 +223,25 @@ def _walk(path: Path, root: Path) -> Iterator[SourceFile]:
     if any(p.name == 'metadata.yaml' or p.name.endswith(BAG_SUFFIXES) for p in inside):
         yield SourceFile(path, root, SourceKind.BAG)
         return
-    # Files of labels are beside arrays; anywhere else, y.csv or a folder y is a recording.
-    labels = {p for p in inside if p.is_file() and _LABEL_FILES.match(p.stem)}
-    has_arrays = any(p.suffix.lower() == '.npy' for p in inside if p not in labels)
     for child in inside:
-        if not child.name.startswith('.') and not (has_arrays and child in labels):
+        if not child.name.startswith('.'):
             yield from _walk(child, root)
+
+
+def _without_labels(leaves: list[SourceFile]) -> list[SourceFile]:
+    """Return the recordings without files of labels.
+
+    Files with such names are labels only if other files contain arrays. Otherwise, ``y.csv`` or
+    ``y.npy`` is a recording.
+    """
+    recordings = [leaf for leaf in leaves if not _has_label_name(leaf)]
+    kinds = {leaf.kind for leaf in recordings}
+    return recordings if kinds & {SourceKind.ARRAY, SourceKind.ARCHIVE} else leaves
+
+
+def _has_label_name(leaf: SourceFile) -> bool:
+    is_inside = leaf.path != leaf.root and leaf.path.is_file()
+    return is_inside and _LABEL_FILES.match(leaf.path.stem) is not None
 
 
 def name_labels(

@@ -156,6 +156,41 @@ def test_only_files_beside_arrays_are_labels(tmp_path):
     assert any('labels.npy' in note for note in several.notes)
 
 
+def test_files_of_labels_above_arrays_or_beside_an_archive_are_no_recordings(tmp_path):
+    (tmp_path / 'arrays').mkdir()
+    (tmp_path / 'archive').mkdir()
+    write_arrays(tmp_path / 'arrays')
+    archive = write_archive(tmp_path / 'archive' / 'a.npz', unit='mN')
+    for path, folder in ((tmp_path / 'arrays', 'arrays'), (archive, 'archive')):
+        before = len(TrialSet.load(path, STATED.get(folder)))
+        (tmp_path / folder / 'labels.csv').write_text('a\n')
+        assert len(TrialSet.load(tmp_path / folder, STATED.get(folder))) == before
+
+
+def test_arrays_named_like_labels_are_recordings_if_there_are_no_others(tmp_path):
+    write_arrays(tmp_path)
+    for label in ('pla', 'rubber'):
+        first, second = sorted((tmp_path / label).iterdir())
+        first.rename(tmp_path / label / 'y.npy')
+        second.unlink()
+    found = TrialSet.load(tmp_path, STATED['arrays'])
+    assert [trial.label for trial in found] == ['pla', 'rubber']
+    assert not any('not used' in note for note in found.notes)
+    one = TrialSet.load(
+        tmp_path / 'pla' / 'y.npy', dataclasses.replace(STATED['arrays'], label='a')
+    )
+    assert [trial.label for trial in one] == ['a']
+
+
+def test_a_file_of_labels_for_several_arrays_is_refused(tmp_path):
+    (tmp_path / 'arrays').mkdir()
+    write_arrays(tmp_path / 'arrays')
+    labels = tmp_path / 'these.csv'
+    labels.write_text('a\nb\n')
+    with pytest.raises(SourceError, match='4 arrays'):
+        TrialSet.load(tmp_path / 'arrays', dataclasses.replace(STATED['arrays'], labels=labels))
+
+
 def test_bags_whose_messages_have_no_stamp_state_that_they_use_the_arrival(tmp_path):
     write_bags(tmp_path, StoragePlugin.MCAP, with_stamps=False)
     with TrialSet.load(tmp_path, STATED['MCAP bags']) as trials:

@@ -34,7 +34,7 @@ from tactile_ros.errors import named_errors, TactileError
 from tactile_ros.files import replace_file
 from tactile_ros.yaml_files import read_text
 
-_OWN = re.compile(rf'{BAGS}|\.?({re.escape(PLAN)}|{re.escape(ORDER)})(\.\d+\.new)?')
+_OWN = re.compile(rf'{BAGS}|\.?({re.escape(PLAN)}|{re.escape(ORDER)})(\.(\d+\.)?new)?')
 """Names of the files of an experiment before its first trial, and of unfinished files."""
 
 MAY_GROW = 'sessions'

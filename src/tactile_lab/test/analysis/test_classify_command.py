@@ -106,6 +106,7 @@ def test_rate_unit_and_task_must_match_the_model(model, tmp_path):
     path = write_table(tmp_path / 'fast.csv', ['fine'], 240, rate_hz=120.0)
     said = hear_tactile('classify', path, '--model', model, code=2)
     assert '120 Hz' in said
+    assert '60 Hz' in said
     assert '--resample-hz' in said
     volts = write_table(tmp_path / 'volts.csv', ['fine'], unit='V')
     assert 'trained on signals in N, but the recording is in V' in hear_tactile(

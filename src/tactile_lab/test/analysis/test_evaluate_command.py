@@ -94,6 +94,7 @@ def test_unusable_trials_are_skipped_and_listed_everywhere(save, tmp_path):
         assert 'skipped trials: 2' in shown
         assert 'trial 3: channel channel_0 ' in shown
         assert 'trial 40: channel channel_0 ' in shown
+        assert '1 of 200' in shown
     assert [each.split(':')[0] for each in found['skipped']] == ['trial 3', 'trial 40']
     assert found['trials'] == 46
 
@@ -168,6 +169,7 @@ def test_experiment_with_few_mountings_is_evaluated(simulate_bag, rewrite, tmp_p
     ]  # fmt: skip
     (told,) = (each for each in found['not_done'] if each.startswith('one session held out: '))
     assert told in said
+    assert 'same session' in told
 
 
 def save_levels(path, **columns):
@@ -183,7 +185,7 @@ def save_levels(path, **columns):
         (
             ('--group', 'day', '--group', 'part'),
             ['stratified 6-fold, once', 'one part held out'],
-            'one day held out: all trials of class "high" ',
+            'one day held out: all trials of class "high" have the same day',
         ),
     ],
 )

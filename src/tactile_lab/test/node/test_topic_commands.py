@@ -87,7 +87,7 @@ def test_faults_of_a_topic_are_reported_with_a_remedy(context):
         assert fault not in problems
     for name, said in (
         ('wrong rate', 'rate_hz is 60'),
-        ('late', 's behind '),
+        ('late', 's behind the time of this node'),
         ('no joint', 'there is no joint ring, only thumb, index'),
     ):
         assert said in describe(found[name]['problems'])

@@ -18,6 +18,18 @@ def test_file_is_made_and_replaced_without_leaving_others(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_file_and_its_entry_in_the_folder_are_written_to_the_disk(tmp_path, monkeypatch):
+    written, fsync = [], os.fsync
+
+    def note(handle):
+        written.append(os.readlink(f'/proc/self/fd/{handle}'))
+        fsync(handle)
+
+    monkeypatch.setattr(os, 'fsync', note)
+    replace_file(tmp_path / 'plan.yaml', b'first')
+    assert written == [f'{tmp_path}/.plan.yaml.{os.getpid()}.new', str(tmp_path)]
+
+
 def test_file_is_unchanged_and_nothing_is_left_after_an_error(tmp_path, monkeypatch):
     path = tmp_path / 'plan.yaml'
     replace_file(path, b'first')

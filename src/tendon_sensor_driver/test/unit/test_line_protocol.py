@@ -184,6 +184,18 @@ def test_a_comma_that_may_be_a_column_or_a_decimal_mark_is_refused(line, value_c
     assert decode((line + b'\n') * 3, config)[1] == []
 
 
+@pytest.mark.parametrize(
+    ('line', 'mark'),
+    [(b'ST,GS,-,12.3 kg', '.'), (b'ST;GS;-;12,3 kg', ','), (b'ST GS -;12.3', '.')],
+)
+def test_a_value_whose_sign_is_in_another_column_is_refused(line, mark):
+    config = TendonSensorConfig(time_column=-1, value_column=3, decimal_mark=mark, unit='kg')
+    decoder, readings = decode((line + b'\n') * 3, config)
+    assert readings == []
+    assert 'sign' in decoder.last_reason
+    assert decode((line.replace(b'-', b'+') + b'\n') * 3, config)[1]
+
+
 def test_a_simulated_device_says_so_in_each_line():
     decoder = LineDecoder(CONFIG)
     lines = [encode_reading(17 * i, 0.5, is_simulated=True) for i in range(3)]
