@@ -228,14 +228,21 @@ class Workspace:
             'from tactile_sim import simulate_trials, Timeline; '
             'simulate_trials("stiffness", "none", "flexion", Timeline([], [], 0.1), 1, 0)'
         )
-        path = os.pathsep.join(str(ROOT / 'src' / name) for name in ('tactile_sim', 'tactile_ros'))
+        folders = [self.build_base / name for name in ('tactile_sim', 'tactile_ros')]
+        for folder in folders:
+            # The cache is found again only if the solver has the same path, so make the link that
+            # colcon would make.
+            folder.mkdir(parents=True, exist_ok=True)
+            link = folder / folder.name
+            if not link.is_symlink():
+                link.symlink_to(ROOT / 'src' / folder.name / folder.name)
         with self.log.open('a') as log:
             return subprocess.Popen(
                 [str(self.python), '-c', code],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**self.environment(), 'PYTHONPATH': path},
+                env={**self.environment(), 'PYTHONPATH': os.pathsep.join(map(str, folders))},
             )
 
     def build(self) -> None:
