@@ -221,24 +221,25 @@ class Workspace:
     def compile_simulator(self) -> subprocess.Popen[bytes]:
         """Start to compile the solver of the simulator, which numba keeps in a cache.
 
-        Otherwise, the first simulation would begin some 7 s later. If this fails, the first
+        Otherwise, the first simulation would begin some 8 s later. If this fails, the first
         simulation compiles the solver, or states why it cannot.
+
+        numba finds the solver in its cache only if the modules had the same path, and if they
+        were loaded from byte code. So this makes the links to the packages that colcon would
+        make, and the first of two processes writes the byte code.
         """
-        code = (
-            'from tactile_sim import simulate_trials, Timeline; '
-            'simulate_trials("stiffness", "none", "flexion", Timeline([], [], 0.1), 1, 0)'
-        )
         folders = [self.build_base / name for name in ('tactile_sim', 'tactile_ros')]
         for folder in folders:
-            # The cache is found again only if the solver has the same path, so make the link that
-            # colcon would make.
             folder.mkdir(parents=True, exist_ok=True)
             link = folder / folder.name
             if not link.is_symlink():
                 link.symlink_to(ROOT / 'src' / folder.name / folder.name)
+        code = 'from tactile_sim import simulate_trials, Timeline'
+        run = 'simulate_trials("stiffness", "none", "flexion", Timeline([], [], 0.1), 1, 0)'
+        command = f"'{self.python}' -c '{code}' && '{self.python}' -c '{code}; {run}'"
         with self.log.open('a') as log:
             return subprocess.Popen(
-                [str(self.python), '-c', code],
+                ['sh', '-c', command],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

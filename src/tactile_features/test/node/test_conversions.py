@@ -34,8 +34,6 @@ PHASES_BY_NAME = {
     for name, value in vars(types).items()
 }
 """Constants of `tactile_features.types` by the names that they have in the message."""
-RETIRED = ('PROTOCOL_SLIP', 'PHASE_PULL')
-"""Constants of the message that occur only in recordings of earlier versions."""
 START_S = 1_760_000_000
 
 long_runs = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -124,9 +122,7 @@ def stream(changes_of_blocks, changes_of_events):
 )
 def test_constants_are_those_of_the_messages(message, prefix, ours):
     theirs = {
-        name: getattr(message, name)
-        for name in dir(type(message))
-        if name.startswith(prefix) and name not in RETIRED
+        name: getattr(message, name) for name in dir(type(message)) if name.startswith(prefix)
     }
     assert theirs
     assert {name: value for name, value in ours.items() if name.startswith(prefix)} == theirs
