@@ -218,34 +218,6 @@ class Workspace:
                 temporary.write_text(new)
                 temporary.replace(path)
 
-    def compile_simulator(self) -> subprocess.Popen[bytes]:
-        """Start to compile the solver of the simulator, which numba keeps in a cache.
-
-        Otherwise, the first simulation would begin some 8 s later. If this fails, the first
-        simulation compiles the solver, or states why it cannot.
-
-        numba finds the solver in its cache only if the modules had the same path, and if they
-        were loaded from byte code. So this makes the links to the packages that colcon would
-        make, and the first of two processes writes the byte code.
-        """
-        folders = [self.build_base / name for name in ('tactile_sim', 'tactile_ros')]
-        for folder in folders:
-            folder.mkdir(parents=True, exist_ok=True)
-            link = folder / folder.name
-            if not link.is_symlink():
-                link.symlink_to(ROOT / 'src' / folder.name / folder.name)
-        code = 'from tactile_sim import simulate_trials, Timeline'
-        run = 'simulate_trials("stiffness", "none", "flexion", Timeline([], [], 0.1), 1, 0)'
-        command = f"'{self.python}' -c '{code}' && '{self.python}' -c '{code}; {run}'"
-        with self.log.open('a') as log:
-            return subprocess.Popen(
-                ['sh', '-c', command],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**self.environment(), 'PYTHONPATH': os.pathsep.join(map(str, folders))},
-            )
-
     def build(self) -> None:
         key = self.build_key()  # computed first, in case a file is edited during the build
         recipe = hashlib.sha256(PYTHON_MESSAGES.read_bytes()).hexdigest()
@@ -253,23 +225,25 @@ class Workspace:
             # A new build would keep libraries that the changed CMake code no longer builds.
             for old in (self.install, self.build_base):
                 shutil.rmtree(old, ignore_errors=True)
-        compiling = self.compile_simulator()
-        try:
-            self.step(
-                'building the packages (colcon)',
-                [
-                    *(str(self.python), '-m', 'colcon', '--log-base', str(self.base / 'log')),
-                    *('build', '--base-paths', str(ROOT / 'src')),
-                    *('--build-base', str(self.build_base), '--install-base', str(self.install)),
-                    *('--merge-install', '--symlink-install'),
-                    *('--cmake-args', '-G', 'Ninja', f'-DPython3_EXECUTABLE={self.python}'),
-                    *('-DPython3_FIND_VIRTUALENV=ONLY', '--no-warn-unused-cli'),
-                    f'-DCMAKE_PROJECT_tactile_msgs_INCLUDE={PYTHON_MESSAGES}',
-                ],
-                'the build failed; the end of its output is above',
-            )
-        finally:
-            compiling.wait()
+        self.step(
+            'building the packages (colcon)',
+            [
+                *(str(self.python), '-m', 'colcon', '--log-base', str(self.base / 'log')),
+                *('build', '--base-paths', str(ROOT / 'src')),
+                *('--build-base', str(self.build_base), '--install-base', str(self.install)),
+                *('--merge-install', '--symlink-install'),
+                *('--cmake-args', '-G', 'Ninja', f'-DPython3_EXECUTABLE={self.python}'),
+                *('-DPython3_FIND_VIRTUALENV=ONLY', '--no-warn-unused-cli'),
+                f'-DCMAKE_PROJECT_tactile_msgs_INCLUDE={PYTHON_MESSAGES}',
+            ],
+            'the build failed; the end of its output is above',
+        )
+        # The first process that simulates would load the simulator from source files and not from
+        # byte code. numba would then compile the solver, which takes 8 s, and the next process
+        # would not find the result in numba's cache.
+        simulator = str(self.build_base / 'tactile_sim' / 'tactile_sim')
+        compiling = [str(self.python), '-m', 'compileall', '-q', simulator]
+        subprocess.run(compiling, env=self.environment())
         # colcon does not remove links to files that have been deleted.
         for path in self.install.rglob('*'):
             if path.is_symlink() and not path.exists():

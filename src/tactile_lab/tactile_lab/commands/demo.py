@@ -4,6 +4,7 @@
 """`tactile demo`: training, live trials and replay on the simulated rig."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 import json
 from pathlib import Path
@@ -77,23 +78,28 @@ def demo(
     code without nodes (the plain core). The command reports whether the results are equal, bit for
     bit. The address of a live page is printed before the live trials.
     """
-    from domain_coordinator import domain_id
-
-    from tactile_analysis.datasets.feature_options import FeatureOptions
-    from tactile_analysis.datasets.feature_tables import open_trials
-    from tactile_bringup.launch_config.graph import Ports
-    from tactile_lab.commands.replay import print_report, replay_and_compare
-    from tactile_lab.commands.simulate import make_bags
-    from tactile_lab.commands.train import read_with_progress, train_models
-    from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
-    from tactile_lab.simulation.simulated_bags import paper_plans
-    from tactile_lab.watch.access import WatchOptions
     from tactile_sim.rig_process import SimulatedRig
 
     started = time.monotonic()
     output = Output(as_json)
     folder = make_folder(folder)
-    with SimulatedRig(seed) as rig:
+    with ThreadPoolExecutor(1) as thread:
+        starting = thread.submit(
+            SimulatedRig, seed
+        )  # another process; takes as long as the imports
+        from domain_coordinator import domain_id
+
+        from tactile_analysis.datasets.feature_options import FeatureOptions
+        from tactile_analysis.datasets.feature_tables import open_trials
+        from tactile_bringup.launch_config.graph import Ports
+        from tactile_lab.commands.replay import print_report, replay_and_compare
+        from tactile_lab.commands.simulate import make_bags
+        from tactile_lab.commands.train import read_with_progress, train_models
+        from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
+        from tactile_lab.simulation.simulated_bags import paper_plans
+        from tactile_lab.watch.access import WatchOptions
+
+    with starting.result() as rig:
         output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
 
         output.say('[bold]1  Training trials, simulated faster than real time[/bold]', markup=True)
