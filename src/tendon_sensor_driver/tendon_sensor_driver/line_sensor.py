@@ -84,8 +84,8 @@ _NUMBER_BESIDE = (
     'thousands separators are not supported'
 )
 _SIGN_BESIDE = (
-    'its sign is in another column than its value: let the device send the sign in front of the '
-    'digits'
+    'the sign of its value is in a column of its own: let the device send the sign directly in '
+    'front of the digits'
 )
 _FAULT = 'the device reports an overload or an error: unload it, then see its manual'
 _TOO_LONG = 'it is too long: check the baud'

@@ -84,9 +84,8 @@ def demo(
     output = Output(as_json)
     folder = make_folder(folder)
     with ThreadPoolExecutor(1) as thread:
-        starting = thread.submit(
-            SimulatedRig, seed
-        )  # another process; takes as long as the imports
+        # The rig is another process, which starts while this one imports modules.
+        starting = thread.submit(SimulatedRig, seed)
         from domain_coordinator import domain_id
 
         from tactile_analysis.datasets.feature_options import FeatureOptions

@@ -302,10 +302,13 @@ def _split_columns(trials: Sequence[dict[str, Any]]) -> tuple[list[str], str]:
 
 
 def _format_cell(name: str, value: Any) -> Cell:
-    return Prose(value) if name == 'excluded' else _format_value(value)
+    text = _format_value(value)
+    return Prose(text) if name == 'excluded' else text
 
 
 def _format_value(value: Any) -> str:
+    if value is None:
+        return ''
     if isinstance(value, bool):
         return 'yes' if value else 'no'
     return f'{value:.2f}' if isinstance(value, float) else str(value)

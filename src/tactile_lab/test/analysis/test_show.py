@@ -41,6 +41,7 @@ def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path):
     assert float(found['facts']['duration'].split()[0]) > total_s
     said = hear_tactile('show', stiffness_bag)
     assert '/tendon_sensor/strain' not in said
+    assert 'None' not in said
     listed = tactile('show', stiffness_bag, '--topics').stdout
     assert re.search(r'^/tendon_sensor/strain +90 +tactile_msgs/msg/StrainBlock$', listed, re.M)
     assert all(entry['trial_id'] in said for entry in found['trials'])
