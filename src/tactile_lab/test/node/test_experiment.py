@@ -37,8 +37,10 @@ def run_until_done(folder, quick, count, signal_number):
 
 
 def is_in_hold(folder, count):
-    entries = read_journal(folder.journal) if folder.journal.exists() else []
-    if not entries or folder.read_progress().done_count < count:
+    if not folder.journal.exists() or folder.read_progress().done_count < count:
+        return False
+    entries = read_journal(folder.journal)  # read last: a trial may just have become done
+    if not entries:
         return False
     last = entries[-1]
     return last['kind'] == 'began' and 'hold' in phases(folder, last['trial_id'])
